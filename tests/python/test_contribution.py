@@ -21,6 +21,7 @@ from exactarm.diagnose.contribution import (
     _waves,
 )
 from exactarm.diagnose.diagnosis import diagnose
+from exactarm.diagnose.signal import ANGLE, LOAD, SPEED, TIME, Signal, axis_of, measured_of
 from exactarm.effects.order_source import likely_source
 from exactarm.effects.tracker_step import TrackerStep
 
@@ -49,7 +50,7 @@ def test_an_angle_error_has_its_peak_to_peak_with_an_interval_that_holds_the_tru
     # over the angles that were measured
     phi = np.linspace(own.x.min(), own.x.max(), 2000) - ea.load_robot("racer-7-1.4").joints[2].q_offset
     truth = np.ptp(6e-4 * np.cos(phi) + 3e-4 * np.sin(phi))
-    assert own.signal == "angle of axis 3" and own.curve and abs(value - truth) < 1.5 * half + 5e-5
+    assert own.signal == Signal(ANGLE, 3) and own.curve and abs(value - truth) < 1.5 * half + 5e-5
     assert np.all(own.half > 0.0) and own.at_tool > 2e-5
 
 
@@ -104,9 +105,10 @@ def test_the_usual_source_of_an_order_follows_from_the_ratio(order, ratio, word)
 
 
 def test_a_drift_is_drawn_over_what_drives_it():
-    signals = dict.fromkeys(("angle of axis 1", "time", "temperature"), np.arange(3.0))
+    signals = dict.fromkeys((Signal(ANGLE, 1), Signal(TIME), Signal("temperature")), np.arange(3.0))
     for driver in ("time", "temperature"):
-        assert list(_own_signals(SimpleNamespace(joint=None, driver=driver), signals, None)) == [driver]
+        found = _own_signals(SimpleNamespace(joint=None, driver=driver), signals, None)
+        assert list(found) == [Signal(driver)]
     assert _own_signals(SimpleNamespace(joint=None), signals, None) is signals
     assert _own_signals(SimpleNamespace(joint=None, driver="row"), signals, None) is signals
 
@@ -134,17 +136,18 @@ def test_a_measure_is_told_without_its_unit(name, words):
 
 def test_a_value_is_told_over_time_only_where_nothing_else_explains_half_of_it():
     t = np.linspace(0.0, 6.0, 400)
-    named = {"time": t, "load of axis 2": np.sin(3.0 * t), "speed of axis 2": np.cos(7.0 * t)}
-    assert _told_over(named, 2.0 * np.sin(3.0 * t) + 0.2 * np.sin(20.0 * t)) == "load of axis 2"
-    assert _told_over(named, np.exp(-t)) == "time"
+    named = {Signal(TIME): t, Signal(LOAD, 2): np.sin(3.0 * t), Signal(SPEED, 2): np.cos(7.0 * t)}
+    assert _told_over(named, 2.0 * np.sin(3.0 * t) + 0.2 * np.sin(20.0 * t)) == Signal(LOAD, 2)
+    assert _told_over(named, np.exp(-t)) == Signal(TIME)
 
 
 def test_an_effect_of_no_axis_stands_over_signals_of_the_axis_along_which_it_is_drawn():
-    names = ("load of axis 1", "load of axis 2", "time", "speed of axis 12")
+    names = (Signal(LOAD, 1), Signal(LOAD, 2), Signal(TIME), Signal(SPEED, 12))
     signals = dict.fromkeys(names, np.arange(3.0))
-    own = _own_signals(SimpleNamespace(joint=None), signals, None, "axis 2")
-    assert list(own) == ["load of axis 2", "time"]
-    assert list(_own_signals(SimpleNamespace(joint=None), signals, None, "the base's z axis")) == list(names)
+    own = _own_signals(SimpleNamespace(joint=None), signals, None, measured_of(2))
+    assert list(own) == [Signal(LOAD, 2), Signal(TIME)]
+    pushed = axis_of("base", "z")
+    assert list(_own_signals(SimpleNamespace(joint=None), signals, None, pushed)) == list(names)
 
 
 def test_a_direction_that_no_row_shows_is_not_the_own_one():

@@ -7,6 +7,7 @@ import pytest
 from exactarm.diagnose.evidence import Members, Picture, compressed
 from exactarm.diagnose.search import _richer, search, weight_of
 from exactarm.diagnose.self_test import _Parts
+from exactarm.diagnose.signal import ANGLE, LOAD, Signal, turn_of
 from exactarm.diagnose.unknown import Unknown, basis_of, sizes_of, unknown_functions
 from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES, Block, Vocabulary
 from exactarm.effects.gear_eccentricity import GearEccentricity
@@ -167,9 +168,9 @@ def test_a_signal_of_rounding_is_no_signal():
     """The load of a last axis whose masses lie on it: 1e-17 Nm of either sign."""
     rng = np.random.default_rng(3)
     real = rng.uniform(-1.0, 1.0, 50)
-    signals = {"load of axis 5": real, "load of axis 6": 1e-17 * real}
-    found = unknown_functions(None, signals, {"a turn of axis 3": np.ones((50, 3))})
-    assert [unknown.signals for unknown, _, _ in found] == [("load of axis 5",)]
+    signals = {Signal(LOAD, 5): real, Signal(LOAD, 6): 1e-17 * real}
+    found = unknown_functions(None, signals, {turn_of(3): np.ones((50, 3))})
+    assert [unknown.signals for unknown, _, _ in found] == [(Signal(LOAD, 5),)]
 
 
 def gear_curve_picture(seed):
@@ -180,7 +181,7 @@ def gear_curve_picture(seed):
     waves = np.stack([f(k * phi) / k for k in range(1, 13) for f in (np.sin, np.cos)], axis=1)[:, None, :]
     curve = GearHarmonics.curve(1, 12, 1e-4, (-2.5, 2.5))
     run_out, fifth = GearEccentricity(1, (0.0,) * 4), GearHarmonics(1, (5.0, 0.0, 0.0))
-    own = Unknown("a turn of axis 1", ("angle of axis 1",))
+    own = Unknown(turn_of(1), (Signal(ANGLE, 1),))
     responses = np.concatenate([waves, waves[:, :, :4], waves[:, :, 8:10], basis_of(phi)[:, None, :]], axis=2)
     sizes, at, blocks = [np.full(24, 1.0), np.full(4, 1.0), np.full(2, 1.0), sizes_of(1.0)], 0, []
     for effect, unknown, size in zip((curve, run_out, fifth, None), (None, None, None, own), sizes):

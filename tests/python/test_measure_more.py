@@ -6,31 +6,50 @@ import pytest
 
 from exactarm.commands.measure_more import experiment_for, to_tell_noise, worse_elsewhere
 from exactarm.data.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
+from exactarm.diagnose.signal import (
+    ACCELERATION,
+    ANGLE,
+    APPROACH,
+    DIRECTION,
+    LOAD,
+    MOTOR_ANGLE,
+    ORDER,
+    PLACE,
+    POSITION,
+    TIME,
+    TRAVEL,
+    TWO_ANGLES,
+    Signal,
+    Structure,
+)
+
+
+def follows(*signals):
+    return (Structure("", signals),)
 
 
 @pytest.mark.parametrize("kind, told, words", [
-    (POSES, "a turn of axis 3 follows the angle of axis 5", "turn axis 5 alone"),
-    (POSES, "angles of two axes together", "every axis over its whole range"),
-    (POSES, "a turn of axis 3 follows the angle of axis 2 and the angle of axis 3", "every axis over"),
-    (POSES, "a turn of axis 3 follows the angle of axis 2 and the load of axis 3", "load of axis 3"),
-    (POSES, "the device follows the position in the workspace", "second place of the tracker"),
-    (POSES, "a turn of axis 2 follows the travel of axis 1", "axis 1 alone along its way"),
-    (TRACKED_MOTION, "travel of axis 1", "axis 1 alone along its way, slowly"),
-    (POSES, "order of measurement", "every quarter of an hour"),
-    (POSES, "approach of axis 2", "both sides of axis 2"),
-    (POSES, "temperature_degC", "another temperature_degC"),
-    (POSES, "the device wanders or jumps: neighbouring rows share 3 times", "one pose again"),
-    (POSES, "the device drifts with time: neighbouring rows share 0.8 times", "one pose again"),
-    (POSES, "", "five poses ten times each"),
-    (CLOSURES, "position", "another place of the fixture"),
-    (CLOSURES, "load of axis 3", "known payload"),
-    (GEAR_RUN, "waves stand out of its noise, the highest at 12.5 Hz", "leaves 12.5 Hz with the speed"),
-    (GEAR_RUN, "waves stand out of its noise, the highest at 1e+03 Hz", "leaves 1e+03 Hz with the speed"),
-    (GEAR_RUN, "motor angle of axis 4 within a revolution", "turn axis 4 alone"),
-    (MOTION, "direction of axis 2", "axis 2 alone to and fro"),
-    (MOTION, "", "record the same motion three times"),
-    (TRACKED_MOTION, "acceleration of axis 1", "half the speed"),
-    (TRACKED_MOTION, "time", "cold, and after half an hour"),
+    (POSES, follows(Signal(ANGLE, 5)), "turn axis 5 alone"),
+    (POSES, follows(Signal(TWO_ANGLES)), "every axis over its whole range"),
+    (POSES, follows(Signal(ANGLE, 2), Signal(ANGLE, 3)), "every axis over"),
+    (POSES, follows(Signal(ANGLE, 2), Signal(LOAD, 3)), "load of axis 3"),
+    (POSES, follows(Signal(PLACE)), "second place of the tracker"),
+    (POSES, follows(Signal(TRAVEL, 1)), "axis 1 alone along its way"),
+    (TRACKED_MOTION, follows(Signal(TRAVEL, 1)), "axis 1 alone along its way, slowly"),
+    (POSES, follows(Signal(ORDER)), "every quarter of an hour"),
+    (POSES, follows(Signal(APPROACH, 2)), "both sides of axis 2"),
+    (POSES, follows(Signal("temperature_degC")), "another temperature_degC"),
+    (POSES, (Structure("", wanders=True),), "one pose again"),
+    (POSES, (), "five poses ten times each"),
+    (CLOSURES, follows(Signal(POSITION, part="x")), "another place of the fixture"),
+    (CLOSURES, follows(Signal(LOAD, 3)), "known payload"),
+    (GEAR_RUN, (Structure("", hertz=12.5),), "leaves 12.5 Hz with the speed"),
+    (GEAR_RUN, (Structure("", hertz=1e3),), "leaves 1e+03 Hz with the speed"),
+    (GEAR_RUN, follows(Signal(MOTOR_ANGLE, 4, "within a revolution")), "turn axis 4 alone"),
+    (MOTION, follows(Signal(DIRECTION, 2)), "axis 2 alone to and fro"),
+    (MOTION, (), "record the same motion three times"),
+    (TRACKED_MOTION, follows(Signal(ACCELERATION, 1)), "half the speed"),
+    (TRACKED_MOTION, follows(Signal(TIME)), "cold, and after half an hour"),
 ])
 def test_every_structure_has_an_experiment_that_varies_what_it_follows(kind, told, words):
     said = experiment_for(kind, told)
@@ -51,8 +70,8 @@ def test_what_only_the_fit_calls_noise_is_to_be_measured(kind, held, words):
 
 
 def test_where_fitted_rows_say_little_of_others_more_of_them_are_asked_for():
-    assert "at least two other motions" in experiment_for(MOTION, "time", far_larger=True)
-    assert "elsewhere in the work space" in experiment_for(POSES, "time", far_larger=True)
+    assert "at least two other motions" in experiment_for(MOTION, follows(Signal(TIME)), far_larger=True)
+    assert "elsewhere in the work space" in experiment_for(POSES, follows(Signal(TIME)), far_larger=True)
 
 
 @pytest.mark.parametrize("rows, rms, told", [((188, 438), 1.5, True), ((188, 438), 1.1, False),

@@ -258,7 +258,7 @@ def _why(rival, reached: float) -> str:
 
 def _dossier_table(heading: str, dossier: Dossier) -> Table:
     rows = tuple(
-        (f.signal, f.direction, f"{100 * f.share:.1f} %",
+        (str(f.signal), str(f.direction), f"{100 * f.share:.1f} %",
          number(f.p_value, 2) if f.p_value > _NEVER else f"< {_NEVER:g}", "yes" if f.significant else "no")
         for f in dossier.follows[:8]
     )

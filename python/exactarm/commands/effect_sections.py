@@ -242,15 +242,16 @@ def _panels(c: Contribution) -> list[EffectPanel]:
     """One of the effect beside the error, or one of each thing that it does."""
     if c.own:
         nothing = np.zeros_like(c.x)
-        return [EffectPanel(curve.title, c.signal, c.signal_unit, curve.unit, c.x, curve.value,
+        return [EffectPanel(curve.title, str(c.signal), c.signal_unit, curve.unit, c.x, curve.value,
                             curve.deviation, nothing, nothing, curve=True, same=False) for curve in c.own]
     return [_panel(c)]
 
 
 def _panel(c: Contribution) -> EffectPanel:
     same = c.unit == c.residual_unit
-    where = f" on {c.direction}" if c.effect.joint is None and c.direction.startswith("axis ") else ""
-    return EffectPanel(_title(c.effect) + where, c.signal, c.signal_unit, c.unit, c.x, c.value, c.half,
+    measured = c.direction.axis is not None and not c.direction.turns
+    where = f" on {c.direction}" if c.effect.joint is None and measured else ""
+    return EffectPanel(_title(c.effect) + where, str(c.signal), c.signal_unit, c.unit, c.x, c.value, c.half,
                        c.without, c.with_, c.curve, same)
 
 

@@ -8,62 +8,77 @@ temperature and place are visited again. Words alone: the experiment is the usua
 
 from __future__ import annotations
 
-import re
-
 from scipy import special
 
 from exactarm.data.kinds import kind_of
 from exactarm.data.kinds.base import Device, Kind
 from exactarm.diagnose.diagnosis import Diagnosis
+from exactarm.diagnose.signal import (
+    ACCELERATION,
+    ANGLE,
+    APPROACH,
+    DIRECTION,
+    LOAD,
+    MOTOR_ANGLE,
+    ORDER,
+    PLACE,
+    POSITION,
+    SPEED,
+    TIME,
+    TRAVEL,
+    TWO_ANGLES,
+    Signal,
+    Structure,
+)
 from exactarm.diagnose.verdict import carries_badly
 from exactarm.report.numbers import quantity
 
-_AXIS = r" of axis (?P<axis>\d+)"
-# What is said, of which the first that is found in the words of the structure counts; for rows at rest.
+# What is left follows, of which the first that holds counts: a signal of one of these quantities; for rows at
+# rest.
 _AT_REST = (
-    (r"wanders or jumps|drifts with time",
-     "see that nothing moved (base, device, reflector), and visit one pose again after every ten others: "
-     "drift and jumps show there by themselves"),
-    (r"approach" + _AXIS,
+    ((APPROACH,),
      "drive to twenty poses from both sides of axis {axis} (`exactarm design --both-ways`): the "
      "difference is what hangs on the direction"),
-    (r"(angle|travel)" + _AXIS + r".* and the (?!load)|two axes together",
+    ((TWO_ANGLES,),
      "measure about as many poses again, every axis over its whole range and independent of the others "
      "(`exactarm design`): it shows at no axis alone"),
-    (r"load" + _AXIS,
+    ((LOAD,),
      "measure the same poses with a known payload and without (column `payload_kg`): what hangs on the "
      "load of axis {axis} grows with it, what hangs on its angle does not"),
-    (r"angle" + _AXIS,
+    ((ANGLE,),
      "turn axis {axis} alone through its range in steps of 3 deg, in two postures of the others: what its"
      " angle does then shows by itself"),
-    (r"travel" + _AXIS,
+    ((TRAVEL,),
      "drive axis {axis} alone along its way in steps of a hundredth, in two postures of the others: what its"
      " guide does then shows by itself"),
-    (r"position",
+    ((POSITION, PLACE),
      "{elsewhere}: what stays with the device is not the arm's"),
-    (r"time|order of measurement",
+    ((TIME, ORDER),
      "visit five of the poses again every quarter of an hour: what changes with time shows there"),
 )
 _IN_MOTION = (
-    (r"waves stand out of its noise, the highest at (?P<hertz>[\d.e+-]+) Hz",
-     "run each axis alone at half and at twice the speed: a wave of the gear leaves {hertz} Hz with the "
-     "speed, one of the sensor, the mains or a swinging arm stays"),
-    (r"(direction|speed)" + _AXIS,
+    ((DIRECTION, SPEED),
      "move axis {axis} alone to and fro, at three constant speeds from slow to fast: friction and play "
      "show at the reversals, the rest with the speed"),
-    (r"(motor )?angle" + _AXIS,
+    ((ANGLE, MOTOR_ANGLE),
      "turn axis {axis} alone through its range, slowly, both ways: what its angle does then shows by "
      "itself"),
-    (r"travel" + _AXIS,
+    ((TRAVEL,),
      "move axis {axis} alone along its way, slowly, both ways: what its guide does then shows by itself"),
-    (r"load" + _AXIS,
+    ((LOAD,),
      "repeat the motion with a known payload: what hangs on the load of axis {axis} grows with it"),
-    (r"acceleration" + _AXIS,
+    ((ACCELERATION,),
      "play the same motion at half the speed: inertia and delays fall with it, friction and gears stay"),
-    (r"position", "{elsewhere}: what stays with the device is not the arm's"),
-    (r"time",
+    ((POSITION, PLACE), "{elsewhere}: what stays with the device is not the arm's"),
+    ((TIME,),
      "play the same motion cold, and after half an hour of work: what warms up shows in the difference"),
 )
+_WANDERS = (
+    "see that nothing moved (base, device, reflector), and visit one pose again after every ten others: "
+    "drift and jumps show there by themselves")
+_IN_TIME = (
+    "run each axis alone at half and at twice the speed: a wave of the gear leaves {hertz:.3g} Hz with the "
+    "speed, one of the sensor, the mains or a swinging arm stays")
 _ELSEWHERE = {
     Device.TARGET: "measure more {rows} over the whole work space, some from a second place of the tracker",
     Device.CONTACT: "touch at another place of the fixture",
@@ -85,8 +100,10 @@ def measure_more(result: Diagnosis) -> str:
     """One sentence for a diagnosis that leaves a structure."""
     kind = kind_of(result.kind)
     left = result.dossier_after
-    told = result.unknown or ((left.strongest.signal,) if left.structure else ())
-    return experiment_for(kind, "; ".join(told), carries_badly(result.excess))
+    told = result.unknown
+    if not told and left.structure:
+        told = (Structure(str(left.strongest.signal), (left.strongest.signal,)),)
+    return experiment_for(kind, told, carries_badly(result.excess))
 
 
 def to_tell_noise(result: Diagnosis) -> str:
@@ -110,20 +127,27 @@ def worse_elsewhere(result: Diagnosis) -> str | None:
             f"ones: so uncertain are the parameters there. To rely on them, {_FEW_ROWS[kind.at_rest]}.")
 
 
-def experiment_for(kind: Kind, told: str, far_larger: bool = False) -> str:
-    """told: what the structure follows, in words; far_larger: it is, on rows that were not fitted."""
+def experiment_for(kind: Kind, told: tuple[Structure, ...], far_larger: bool = False) -> str:
+    """told: what is left; far_larger: it is, on rows that were not fitted."""
     words = _experiment(kind, told)
     if far_larger:
         words += ". The fitted rows say too little of the others: " + _FEW_ROWS[kind.at_rest]
     return f"To find what is left, {words}."
 
 
-def _experiment(kind: Kind, told: str) -> str:
+def _experiment(kind: Kind, told: tuple[Structure, ...]) -> str:
+    if any(structure.wanders for structure in told):
+        return _WANDERS
+    if hertz := next((structure.hertz for structure in told if structure.hertz is not None), None):
+        return _IN_TIME.format(hertz=hertz)
     elsewhere = _ELSEWHERE.get(kind.device, "measure elsewhere in the work space").format(rows=kind.rows)
-    for pattern, words in _AT_REST if kind.at_rest else _IN_MOTION:
-        found = re.search(pattern, told)
-        if found:
-            return words.format(elsewhere=elsewhere, **found.groupdict())
-    if told:
-        return _OTHER.format(signal=told.rsplit("follows the ", 1)[-1])
+    signals = [signal for structure in told for signal in structure.signals]
+    if any(sum(signal.places_axis for signal in structure.signals) > 1 for structure in told):
+        signals.append(Signal(TWO_ANGLES))
+    for quantities, words in _AT_REST if kind.at_rest else _IN_MOTION:
+        found = next((signal for signal in signals if signal.quantity in quantities), None)
+        if found is not None:
+            return words.format(elsewhere=elsewhere, axis=found.axis)
+    if signals:
+        return _OTHER.format(signal=signals[0])
     return _NOTHING[not kind.at_rest]

@@ -23,6 +23,7 @@ from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.problem_at_rest import ProblemAtRest
+from exactarm.diagnose.signal import Direction, axis_of, turn_of
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.closure_fit import ClosureFit, Pulls, fit_closures
 from exactarm.identify.closures import (
@@ -170,11 +171,11 @@ class ClosureProblem(ProblemAtRest):
         fit = replace(self._declared, layout=fitted.layout, fit=fitted.fit)
         return length_doubts(fit, self.data, self.pulls, self.threads)
 
-    def directions(self, fitted: Fitted) -> dict[str, np.ndarray]:
+    def directions(self, fitted: Fitted) -> dict[Direction, np.ndarray]:
         prediction = fitted.prediction
-        turn = {f"a turn of axis {i + 1}": turn_of_axis(prediction, i) for i in range(self.robot.axes)}
+        turn = {turn_of(i + 1): turn_of_axis(prediction, i) for i in range(self.robot.axes)}
         axes = np.eye(fitted.residual.shape[1])
-        pushed = {f"the base's {name} axis": prediction.used * axes[k] for k, name in enumerate("xyz")}
+        pushed = {axis_of("base", name): prediction.used * axes[k] for k, name in enumerate("xyz")}
         return turn | pushed
 
     def stretches(self) -> np.ndarray | None:

@@ -34,7 +34,20 @@ from exactarm.chain.spring import declared_deflection
 from exactarm.data.kinds import kind_of
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.problem import Problem
-from exactarm.effects.axis_units import moves_by, of_a_slide, slides
+from exactarm.diagnose.signal import (
+    ACCELERATION,
+    ANGLE,
+    LOAD,
+    MOTOR_ANGLE,
+    POSITION,
+    SPEED,
+    TIME,
+    TRAVEL,
+    Direction,
+    Signal,
+    place_of_axis,
+)
+from exactarm.effects.axis_units import of_a_slide, slides
 from exactarm.effects.base import Effect, OwnCurve, Station
 from exactarm.robot.robot import Robot
 
@@ -48,9 +61,9 @@ _POSTURES = 50  # of a run: levers change little between neighbours
 _SMALL_RAD = 1e-4  # a turn whose chord is its arc to 1e-9
 _MOST_POINTS = 3000  # of a picture
 _TURN = 2.0 * np.pi
-_UNITS = {"angle": "rad", "motor": "rad", "phase": "rad", "load": "Nm", "time": "s",
-          "position": "m", "travel": "m", "speed": "rad/s",
-          "acceleration": "rad/s²"}
+_PHASE = "phase"
+_UNITS = {ANGLE: "rad", MOTOR_ANGLE: "rad", _PHASE: "rad", LOAD: "Nm", TIME: "s", POSITION: "m", TRAVEL: "m",
+          SPEED: "rad/s", ACCELERATION: "rad/s²"}
 _STATION_UNITS = {Station.MOTOR: "rad", Station.GEAR: "rad", Station.SPRING: "rad", Station.LOAD: "Nm",
                   Station.DRIVE: "Nm"}
 _POSITION = 3  # components of a measured position
@@ -58,19 +71,19 @@ _POSITION = 3  # components of a measured position
 
 @dataclass(frozen=True)
 class Contribution:
-    """See the module. `signal` and `direction` are names; `curve`: the value is a function of the signal;
+    """See the module. `curve`: the value is a function of the signal;
     unit of value and residual, SI. `tool` (N,) m or None; `rigid`: loaded axes without a declared stiffness,
     for want of which torques have none; `fast`: without what changes more slowly than the effect."""
 
     effect: Effect
-    signal: str
+    signal: Signal
     signal_unit: str
     curve: bool
     x: np.ndarray
     value: np.ndarray
     half: np.ndarray
     unit: str
-    direction: str
+    direction: Direction
     without: np.ndarray
     with_: np.ndarray
     tool: np.ndarray | None
@@ -119,21 +132,21 @@ def _contribution(fitted: Fitted, index: int, signals: dict, directions: dict, u
         fitted, moved, columns, directions[direction], unit, direction)
     if effect.orders():
         value, slopes = value - value.mean(), slopes - slopes.mean(axis=0)
-    residual_unit = "rad" if direction.startswith("a turn") else unit
+    residual_unit = "rad" if direction.turns else unit
     if value_unit == residual_unit == "rad":
         before = after + value  # as drawn: the residual with the effect, and the effect
     covariance = fitted.fit.covariance[where, where]
     high, low = int(np.argmax(value)), int(np.argmin(value))
     difference = slopes[high] - slopes[low]
     named = _own_signals(effect, signals, fitted, direction)
-    own = moves_by(fitted.robot, effect.joint) if effect.has_curves else None
+    own = place_of_axis(fitted.robot, effect.joint) if effect.has_curves else None
     signal = own if own in named else _told_over(named, value)
     rows = _subsampled(named[signal])
     rigid = _loaded_without_spring(fitted, moved) if unit == "Nm" else ()
     tool = (_at_tool(without, moved) if unit == "m" else _by_lever(fitted, effect, value, value_unit)
             if unit != "Nm" else None if rigid else _by_springs(fitted, moved))
     return Contribution(
-        effect, signal, _UNITS.get(signal.split()[0], ""), _follows(named[signal], value) > FOLLOWS,
+        effect, signal, _UNITS.get(signal.quantity, ""), _follows(named[signal], value) > FOLLOWS,
         named[signal][rows], value[rows], _half(fitted, slopes[rows], covariance), value_unit, direction,
         before[rows],
         after[rows], tool, residual_unit,
@@ -224,7 +237,7 @@ def _own_direction(fitted: Fitted, without: Fitted, effect: Effect, directions: 
                    waves: np.ndarray | None = None):
     """Direction in which the effect lowers the residual most, with both residuals (N,); its own axis
     first."""
-    own = [name for name in directions if effect.joint is not None and name.endswith(f"axis {effect.joint}")]
+    own = [along for along in directions if effect.joint is not None and along.axis == effect.joint]
     best, fall = (None, None, None), 0.0
     for name in own or directions:
         if not np.any(directions[name]):  # rows of one number each, as of a face, show it in none
@@ -263,11 +276,11 @@ def _unit_of_axis(robot: Robot, axis: int, unit: str) -> str:
 
 
 def _at_measurement(fitted: Fitted, moved: np.ndarray, columns: np.ndarray, direction: np.ndarray, unit: str,
-                    name: str) -> tuple[np.ndarray, np.ndarray, str]:
+                    along: Direction) -> tuple[np.ndarray, np.ndarray, str]:
     """The same as a movement of the measurement along the direction."""
     value = _along(fitted, moved, direction)
     slopes = np.stack([_along(fitted, columns[:, :, k], direction) for k in range(columns.shape[2])], axis=1)
-    return value, slopes, "rad" if name.startswith("a turn") else unit
+    return value, slopes, "rad" if along.turns else unit
 
 
 def _half(fitted: Fitted, slopes: np.ndarray, covariance: np.ndarray) -> np.ndarray:
@@ -277,28 +290,31 @@ def _half(fitted: Fitted, slopes: np.ndarray, covariance: np.ndarray) -> np.ndar
     )
 
 
-def _told_over(named: dict[str, np.ndarray], value: np.ndarray) -> str:
+def _told_over(named: dict[Signal, np.ndarray], value: np.ndarray) -> Signal:
     """The signal that the value follows best. Everything smooth follows time, which says nothing of a cause:
     time only where no other signal explains half."""
-    others = {name: _follows(values, value) + 1e-3 * name.startswith(("angle", "travel"))
-              for name, values in named.items() if name != "time"}
-    best = max(others, key=others.__getitem__, default="time")
-    return best if "time" not in named or others.get(best, 0.0) > _ENOUGH else "time"
+    time = Signal(TIME)
+    others = {signal: _follows(values, value) + 1e-3 * signal.places_axis
+              for signal, values in named.items() if signal != time}
+    best = max(others, key=others.__getitem__, default=time)
+    return best if time not in named or others.get(best, 0.0) > _ENOUGH else time
 
 
-def _own_signals(effect: Effect, signals: dict[str, np.ndarray], fitted: Fitted,
-                 direction: str = "") -> dict[str, np.ndarray]:
+def _own_signals(effect: Effect, signals: dict[Signal, np.ndarray], fitted: Fitted,
+                 direction: Direction | None = None) -> dict[Signal, np.ndarray]:
     """What drives the effect, where it says so (time, a temperature); else the signals of its own axis, of no
     axis, and the phase of a fast element. An effect of no single axis that is drawn along the error of one
     axis: those of that axis; else all."""
-    driver = getattr(effect, "driver", None)
+    driver = Signal(getattr(effect, "driver", ""))
     if driver in signals:
         return {driver: signals[driver]}
-    axis = str(effect.joint) if effect.joint is not None else direction.removeprefix("axis ")
-    if not axis.isdigit():
+    axis = effect.joint
+    if axis is None and direction is not None and not direction.turns:
+        axis = direction.axis
+    if axis is None:
         return signals
-    own = {name: values for name, values in signals.items()
-           if "axis" not in name or f"axis {axis} " in f"{name} "}
+    own = {signal: values for signal, values in signals.items()
+           if signal.axis in (axis, None)}
     if effect.joint is None:
         return own or signals
     orders = _own_order(effect)
@@ -307,7 +323,7 @@ def _own_signals(effect: Effect, signals: dict[str, np.ndarray], fitted: Fitted,
         turns = orders[0] / ratio
         element = "the motor of " if abs(turns - round(turns)) < 0.02 and round(turns) >= 1 else ""
         phase = np.mod(orders[0] * fitted.view.phi[:, effect.index], _TURN)
-        own[f"phase of {element}axis {effect.joint}, order {orders[0]:.4g}"] = phase
+        own[Signal(_PHASE, part=f"of {element}axis {effect.joint}, order {orders[0]:.4g}")] = phase
     return own or signals
 
 

@@ -26,6 +26,7 @@ from exactarm.diagnose.posterior import Causes, find_causes, selection_of, steps
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.selection import Accepted, Progress, Selection, refit, select
+from exactarm.diagnose.signal import Structure
 from exactarm.diagnose.verdict import (
     UNEXPLAINED,
     held_out_excess,
@@ -62,7 +63,7 @@ class Finding:
 
     derived: numbers that follow from the values, name -> (value, low, high). credible_set: (effect, joint,
     probability) of the causes that hold 95 % of what could stand in its place, with everything else in the
-    model; own_share of the held-out square sum; likelier: an unknown function that is likelier, in words.
+    model; own_share of the held-out square sum; likelier: an unknown function that is likelier.
     """
 
     effect: Effect
@@ -74,7 +75,7 @@ class Finding:
     derived: dict[str, tuple[float, float, float]]
     credible_set: tuple[tuple[str, int | None, float], ...] = ()
     own_share: float | None = None
-    likelier: str = ""
+    likelier: Structure | None = None
 
 
 @dataclass(frozen=True)
@@ -122,13 +123,13 @@ class Diagnosis:
     unconverged: tuple[str, ...] = ()
     held_out_gain: float = 0.0
     drafts: tuple[Draft, ...] = ()
-    lines: tuple[str, ...] = ()
+    waves: tuple[Structure, ...] = ()
     excluded_error: float | None = None  # m, median of the rows that are left out
 
     @property
-    def unknown(self) -> tuple[str, ...]:
-        """What is known of causes that the library lacks, in words."""
-        return _unknown_beside(self.causes, self.findings) + self.lines
+    def unknown(self) -> tuple[Structure, ...]:
+        """What is known of causes that the library lacks."""
+        return _unknown_beside(self.causes, self.findings) + self.waves
 
     @property
     def converged(self) -> bool:
@@ -182,13 +183,13 @@ def diagnose(
                                    problem.share_of_measured(last))
     else:
         verdict = verdict_of_causes(causes, after, noise, excess)
-    lines = problem.waves(last, noise.value if noise.measured else None)
-    unknown = _unknown_beside(causes, findings) + lines
+    waves = problem.waves(last, noise.value if noise.measured else None)
+    unknown = _unknown_beside(causes, findings) + waves
     unconverged = _unconverged(selection)
     _, refuted = stood_and_refuted(findings)
     worse = sum(gains) < 0.0 and rises(before, after)
     undecided = selection.undecided
-    if unconverged or refuted or worse or lines or undecided or sum(gains) < AGAINST:
+    if unconverged or refuted or worse or waves or undecided or sum(gains) < AGAINST:
         verdict = UNEXPLAINED
     drafts = ()
     if verdict == UNEXPLAINED and problem.by_posterior and not unconverged:
@@ -210,7 +211,7 @@ def diagnose(
         causes=causes,
         unconverged=unconverged,
         drafts=drafts,
-        lines=lines,
+        waves=waves,
         excess=excess,
         held_out_gain=sum(gains),
         next_experiment=words,
@@ -230,8 +231,8 @@ def diagnose(
     )
 
 
-def _unknown_beside(causes: Causes | None, findings: tuple[Finding, ...]) -> tuple[str, ...]:
-    """In words: what is known of causes that the library lacks."""
+def _unknown_beside(causes: Causes | None, findings: tuple[Finding, ...]) -> tuple[Structure, ...]:
+    """What is known of causes that the library lacks."""
     if causes is not None:
         return causes.unknown + causes.wanders
     return tuple(dict.fromkeys(finding.likelier for finding in findings if finding.likelier))

@@ -17,6 +17,7 @@ from scipy import special
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.problem import Problem
+from exactarm.diagnose.signal import Direction, Signal
 from exactarm.diagnose.smoothness import closeness, follows_space
 
 BINS = 8
@@ -29,8 +30,8 @@ SIGNIFICANT = 1e-3
 class Follows:
     """The residual along `direction` follows `signal`: share of the square sum, corrected p-value."""
 
-    signal: str
-    direction: str
+    signal: Signal
+    direction: Direction
     share: float
     p_value: float
 
@@ -69,8 +70,8 @@ def dossier(problem: Problem, fitted: Fitted) -> Dossier:
         if bins.shape[1] < 2:
             continue
         entries = [_test(fitted, residual, bins, pattern, square, freedom) for pattern in directions.values()]
-        p, share, name = min((p, -share, name) for (p, share), name in zip(entries, directions))
-        found.append(Follows(signal, name, -share, min(1.0, p * tests)))
+        (p, share), name = min(zip(entries, directions), key=lambda each: (each[0][0], -each[0][1]))
+        found.append(Follows(signal, name, share, min(1.0, p * tests)))
     order = sorted(found, key=lambda f: (f.p_value, -f.share))
     return Dossier(tuple(order), _lag_one(fitted))
 
@@ -124,7 +125,7 @@ def _over_space(problem: Problem, fitted: Fitted, tests: int) -> list[Follows]:
     residual = (residual - basis @ (basis.T @ residual)).reshape(-1, 3)
     axes = [np.tile(np.eye(3)[k], (rows.size, 1)) * fitted.scale[rows, :3] for k in range(3)]
     p_value, share = follows_space(residual, basis, axes, closeness(points[rows], _NEAR))
-    return [Follows(name, "the device's axes", share, min(1.0, p_value * tests))]
+    return [Follows(name, Direction("the device's axes", of_tracker=True), share, min(1.0, p_value * tests))]
 
 
 def _lag_one(fitted: Fitted) -> float:

@@ -31,6 +31,7 @@ from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.search import search
 from exactarm.diagnose.search_round import alike
 from exactarm.diagnose.selection import refit
+from exactarm.diagnose.signal import ANGLE, APPROACH, LOAD, POSITION, TIME, TRAVEL, Signal
 from exactarm.diagnose.vocabulary import vocabulary_of
 from exactarm.effects.axis_units import moves_by
 from exactarm.effects.base import Effect
@@ -47,7 +48,7 @@ _SERIES_COSTS = 5.0  # nats: a short formula up to 150 times less likely is stil
 _PROBABLE = 0.5  # that an unknown function turns the axis, from which it is worth a draft
 _MOST_FUNCTIONS = 6  # searched for at once: twice what is drafted
 _NOISE_PASSES = 2
-_SIGNALS = {"angle": "q", "travel": "q", "load": "torque", "approach": "approach"}
+_IN_FORMULAS = {ANGLE: "q", TRAVEL: "q", LOAD: "torque", APPROACH: "approach"}
 _PARAMETER = re.compile(r"[abcw]\d*(_\d+)?$")  # what a formula of the dictionary calls its parameters
 _GAPS_TOLD = 3  # of each signal; the file has all
 _RARE_GAP = 0.01  # chance that evenly scattered values leave one gap as wide
@@ -149,7 +150,8 @@ def drafts_of(problem: Problem, declared: Layout, last: Fitted) -> tuple[Draft, 
     return tuple(found)
 
 
-def _unknown_axes(problem: Problem, fitted: Fitted) -> tuple[NoiseModel, dict[int, tuple[float, list[str]]]]:
+def _unknown_axes(problem: Problem,
+                  fitted: Fitted) -> tuple[NoiseModel, dict[int, tuple[float, list[Signal]]]]:
     """The noise with unknown functions taken into account; axis -> probability that one turns it, and its
     signals in the best set."""
     visits, lost = problem.groups(), fitted.spent
@@ -167,8 +169,8 @@ def _unknown_axes(problem: Problem, fitted: Fitted) -> tuple[NoiseModel, dict[in
             break
     signals, by_label = defaultdict(list), {}
     for block in vocabulary.blocks:
-        if block.unknown.direction.startswith("a turn of axis"):
-            by_label[block.label] = int(block.unknown.direction.rsplit(" ", 1)[1])
+        if block.unknown.direction.turns:
+            by_label[block.label] = block.unknown.direction.axis
     for index in members.blocks:
         block = vocabulary.blocks[index]
         if block.label in by_label:
@@ -198,10 +200,10 @@ def _taken(picture: Picture, members: Members) -> np.ndarray:
 
 
 def _best_formula(
-    fitted: Fitted, absorbed: Absorbed, parted: CrossValidation, axis: int, names: list[str]
+    fitted: Fitted, absorbed: Absorbed, parted: CrossValidation, axis: int, found: list[Signal]
 ) -> tuple[Expression | None, float]:
-    """The likeliest formula in the signals with these names, its log Bayes factor; None where none holds."""
-    formulas = [formula for formula in map(_in_formulas, names) if formula is not None][:_MOST_SIGNALS]
+    """The likeliest formula in the signals found, its log Bayes factor; None where none holds."""
+    formulas = [formula for formula in map(_in_formulas, found) if formula is not None][:_MOST_SIGNALS]
     signals = {name: signal_of(fitted.view, name) for name in formulas}
     if not signals:
         return None, 0.0
@@ -281,18 +283,14 @@ def gaps_of(values: np.ndarray) -> tuple[tuple[float, float], ...]:
     return tuple((float(sorted_values[k]), float(sorted_values[k + 1])) for k in wide)
 
 
-def _in_formulas(name: str) -> str | None:
+def _in_formulas(signal: Signal) -> str | None:
     """What a formula calls a signal of a problem; None where it has no name for it."""
-    match = re.match(r"(\w+) of axis (\d+)$", name)
-    if match:
-        return f"{_SIGNALS[match[1]]}_{match[2]}" if match[1] in _SIGNALS else None
-    if name == "time":
+    name = signal.quantity
+    if signal.axis is not None:
+        return f"{_IN_FORMULAS[name]}_{signal.axis}" if name in _IN_FORMULAS else None
+    if name == TIME:
         return "time_h"
-    return (
-        name
-        if re.match(r"[A-Za-z_]\w*$", name) and not _PARAMETER.match(name) and not name.startswith("position")
-        else None
-    )
+    return name if name.isidentifier() and not _PARAMETER.match(name) and name != POSITION else None
 
 
 def _title(effect: Expression, robot: Robot) -> str:

@@ -26,6 +26,7 @@ from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.problem_in_time import ProblemInTime
 from exactarm.diagnose.resampled_run import resampled_run, with_reading
 from exactarm.diagnose.scan import free_mask
+from exactarm.diagnose.signal import Direction, Signal, Structure, axis_of, measured_of
 from exactarm.diagnose.time_groups import time_groups
 from exactarm.diagnose.wave_in_time import WaveInTime
 from exactarm.effects.base import Effect
@@ -256,17 +257,17 @@ class GearProblem(ProblemInTime):
             return folds
         return np.arange(len(folds)) // int(np.ceil(1.0 / self._noise.share))
 
-    def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
+    def signals(self, fitted: Fitted) -> dict[Signal, np.ndarray]:
         view = fitted.view
         rate = view.signals["theta_dot"] / view.robot.ratios
         return self._signals(view, self.resampled, np.flatnonzero(view.moving), rate, view.direction)
 
-    def directions(self, fitted: Fitted) -> dict[str, np.ndarray]:
+    def directions(self, fitted: Fitted) -> dict[Direction, np.ndarray]:
         shape = fitted.residual.shape
         if self.record.encoder_axes:
-            names = [f"axis {axis + 1}" for axis in self.record.encoder_axes]
+            names = [measured_of(axis + 1) for axis in self.record.encoder_axes]
         else:
-            names = [f"the sensor's {axis} axis" for axis in "xyz"]
+            names = [axis_of("sensor", axis) for axis in "xyz"]
         return {name: np.tile(np.eye(shape[1])[k], (shape[0], 1)) for k, name in enumerate(names)}
 
     def error_of_unit_noise(self, fitted: Fitted) -> float:
@@ -296,25 +297,26 @@ class GearProblem(ProblemInTime):
                                for name, ratio in both))
         return float(np.mean(squares)) if squares else 0.0
 
-    def waves(self, fitted: Fitted, floor: float | None) -> tuple[str, ...]:
+    def waves(self, fitted: Fitted, floor: float | None) -> tuple[Structure, ...]:
         out = tuple(
-            f"a wave of {wave.frequency:.3g} Hz in time, {1e3 * wave.size:.2g} m{self.unit}, which follows "
-            f"no axis's angle, is likelier than {_listed(wave.instead)} (probability "
-            f"{wave.probability:.2f}) and was taken out: look for a floor or a mount that shakes"
+            Structure(f"a wave of {wave.frequency:.3g} Hz in time, {1e3 * wave.size:.2g} m{self.unit}, which "
+                      f"follows no axis's angle, is likelier than {_listed(wave.instead)} (probability "
+                      f"{wave.probability:.2f}) and was taken out: look for a floor or a mount that shakes")
             for wave in self._waves)
         return out if floor is None else out + self._waves_left(fitted, floor)
 
-    def _waves_left(self, fitted: Fitted, floor: float) -> tuple[str, ...]:
+    def _waves_left(self, fitted: Fitted, floor: float) -> tuple[Structure, ...]:
         pieces = self._pieces(fitted)
         rms = np.sqrt(np.mean(np.concatenate([piece for column in pieces for piece in column]) ** 2))
         rows = sum(piece.size for piece in pieces[0])
         if floor * (_LINES + _SCATTER / np.sqrt(rows)) > rms:
             steady = any(oscillation(column) for column in pieces)
-            return ("an oscillation whose size is steady stands in its noise",) if steady else ()
+            return (Structure("an oscillation whose size is steady stands in its noise"),) if steady else ()
         worst = max(pieces, key=lambda column: sum(float(np.sum(piece**2)) for piece in column))
         step = float(np.median([typical_step(self.data.time[rows])
                                 for rows in self._records["identification"].runs]))
-        return (f"waves stand out of its noise, the highest at {strongest_line(worst, step):.3g} Hz",)
+        hertz = strongest_line(worst, step)
+        return (Structure(f"waves stand out of its noise, the highest at {hertz:.3g} Hz", hertz=hertz),)
 
     def _pieces(self, fitted: Fitted) -> list[list[np.ndarray]]:
         """The unfiltered residual without gaps, of each component."""

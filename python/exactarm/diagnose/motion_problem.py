@@ -30,6 +30,7 @@ from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.next_motions import separating_motion
 from exactarm.diagnose.problem_in_time import ProblemInTime
 from exactarm.diagnose.scan import free_mask
+from exactarm.diagnose.signal import Direction, Signal, measured_of
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.base_parameters import base_parameters
 from exactarm.identify.declared import carried_layout, require_geometry
@@ -222,14 +223,14 @@ class MotionProblem(ProblemInTime):
     def shows(self, effect: type[Effect]) -> bool:
         return super().shows(effect) and not (self.inertial and effect.inertia_of)
 
-    def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
+    def signals(self, fitted: Fitted) -> dict[Signal, np.ndarray]:
         rate = fitted.view.signals["theta_dot"] / self.robot.controller_ratios
         return self._signals(fitted.view, self.record.data, range(self.robot.axes), rate, np.sign(rate))
 
-    def directions(self, fitted: Fitted) -> dict[str, np.ndarray]:
+    def directions(self, fitted: Fitted) -> dict[Direction, np.ndarray]:
         rows, m = fitted.residual.shape
         axes = self.record.measured_axes
-        return {f"axis {axis + 1}": np.tile(np.eye(m)[k], (rows, 1)) for k, axis in enumerate(axes)}
+        return {measured_of(axis + 1): np.tile(np.eye(m)[k], (rows, 1)) for k, axis in enumerate(axes)}
 
     def error_of_unit_noise(self, fitted: Fitted) -> float:
         return float(np.sqrt(np.mean(self._residual(fitted, self.data) ** 2)))

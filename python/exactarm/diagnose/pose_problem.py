@@ -14,6 +14,7 @@ from exactarm.diagnose.fitted import Fitted, rows_kept
 from exactarm.diagnose.in_space import InSpace, errors_in_space
 from exactarm.diagnose.next_poses import next_poses, sentence_of
 from exactarm.diagnose.problem_at_rest import ProblemAtRest
+from exactarm.diagnose.signal import PLACE, POSITION, Direction, Signal, axis_of, turn_of
 from exactarm.effects.base import Station
 from exactarm.errors import ComputationError
 from exactarm.identify.calibrate import (
@@ -106,23 +107,24 @@ class PoseProblem(ProblemAtRest):
         kept = rows_kept(fitted.layout, prediction.view)
         return residual[kept], prediction.jacobian[kept, : residual.shape[1]]
 
-    def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
+    def signals(self, fitted: Fitted) -> dict[Signal, np.ndarray]:
         position = fitted.view.signals["target"]
-        return super().signals(fitted) | {f"position {axis}": position[:, k] for k, axis in enumerate("xyz")}
+        return super().signals(fitted) | {
+            Signal(POSITION, part=axis): position[:, k] for k, axis in enumerate("xyz")}
 
-    def space(self, fitted: Fitted) -> tuple[str, np.ndarray]:
+    def space(self, fitted: Fitted) -> tuple[Signal, np.ndarray]:
         """Where the target is; set-ups stand far apart."""
         target, session = fitted.view.signals["target"], self.data.session
         spread = np.sqrt(np.mean(np.var(target, axis=0)))
-        return "position in the workspace", np.column_stack([target / spread, 100.0 * session])
+        return Signal(PLACE), np.column_stack([target / spread, 100.0 * session])
 
-    def directions(self, fitted: Fitted) -> dict[str, np.ndarray]:
+    def directions(self, fitted: Fitted) -> dict[Direction, np.ndarray]:
         view, m = fitted.view, fitted.residual.shape[1]
         unit = np.ones((view.rows, 1, 1))
-        turn = {f"a turn of axis {i + 1}": view.transfers[Station.GEAR]((i,), unit)[:, :m, 0]
+        turn = {turn_of(i + 1): view.transfers[Station.GEAR]((i,), unit)[:, :m, 0]
                 for i in range(view.axes)}
         axes = np.eye(m)[:3]
-        return turn | {f"the device's {name} axis": np.tile(axes[k], (view.rows, 1))
+        return turn | {axis_of("device", name): np.tile(axes[k], (view.rows, 1))
                        for k, name in enumerate("xyz")}
 
     def error_of_unit_noise(self, fitted: Fitted) -> float:

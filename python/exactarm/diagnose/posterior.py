@@ -26,6 +26,7 @@ from exactarm.diagnose.search import CERTAIN, Posterior, log_prior_of_count, wei
 from exactarm.diagnose.search_round import MOST_AT_ONCE, At, Found, score_of, search_round
 from exactarm.diagnose.selection import NAMED_AT, Accepted, Selection, candidates_for, refit
 from exactarm.diagnose.self_test import SelfTest, self_test
+from exactarm.diagnose.signal import Structure
 from exactarm.diagnose.vocabulary import UNKNOWN_MASS, Vocabulary, at_values, vocabulary_of
 from exactarm.effects.base import Effect
 from exactarm.noise.estimate import log_likelihood_under
@@ -66,12 +67,12 @@ class Place:
 
 @dataclass(frozen=True)
 class Causes:
-    """What the posterior says. fits[0]: declared; fits[i]: after i rounds; unknown: titles of unknown
-    functions in the best set."""
+    """What the posterior says. fits[0]: declared; fits[i]: after i rounds; unknown: the unknown functions
+    in the best set."""
 
     fits: tuple[Fitted, ...]
     places: tuple[Place, ...]
-    unknown: tuple[str, ...]
+    unknown: tuple[Structure, ...]
     probability_nothing: float
     probability_something_else: float
     noise: NoiseModel
@@ -86,16 +87,17 @@ class Causes:
         return 0.0 if w is None else float(special.expit(w.gain - np.log(len(self.noise.order))))
 
     @property
-    def wanders(self) -> tuple[str, ...]:
-        """In words: the device wanders, where that is as much as all other noise, or drifts."""
+    def wanders(self) -> tuple[Structure, ...]:
+        """The device wanders, where that is as much as all other noise, or drifts."""
         noise = self.noise
         drifts = noise.stretches < DRIFTS_BELOW and noise.common_to_neighbours >= Problem.share_left
         if not drifts and (noise.wander_over_rest < WANDERS_AT or noise.common_to_neighbours < COMMON):
             return ()
         shared = noise.wander_over_rest**2 - 1.0
-        return (f"the device {'drifts with time' if drifts else 'wanders or jumps'}: neighbouring rows share "
-                f"{shared:.{0 if shared >= 1.0 else 1}f} times the variance "
-                f"of one row alone, for about {noise.wandering.memory:.0f} rows",)
+        does = "drifts with time" if drifts else "wanders or jumps"
+        return (Structure(f"the device {does}: neighbouring rows share "
+                          f"{shared:.{0 if shared >= 1.0 else 1}f} times the variance of one row alone, for "
+                          f"about {noise.wandering.memory:.0f} rows", wanders=True),)
 
 
 def find_causes(problem: Problem, declared: Layout, progress: Progress = lambda text: None) -> Causes | None:
@@ -136,7 +138,7 @@ def _causes(problem: Problem, declared: Layout, progress: Progress) -> Causes | 
         new = _one_each([p for p in _places(found, len(fits) - 1) if p.probability >= NAMED_AT])
         held = _holding(found, new, problem.seed)
         nothing = found.probability_of_nothing() if nothing is None else nothing
-        something, unknown, noise = found.probability_of_unknown(), tuple(found.titles()), found.noise
+        something, unknown, noise = found.probability_of_unknown(), tuple(found.structures()), found.noise
         kept, fit = _confirmed(problem, declared, chosen, fits[-1], found, held)
         if kept:
             chosen = [*fit.layout.effects[len(declared.effects) :]]

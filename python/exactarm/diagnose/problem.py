@@ -13,6 +13,7 @@ from exactarm.chain import Layout
 from exactarm.data.dataset import Dataset
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.in_space import InSpace
+from exactarm.diagnose.signal import Direction, Signal, Structure
 from exactarm.effects.base import Effect
 from exactarm.noise.estimate import estimate_noise
 from exactarm.noise.model import NoiseModel
@@ -90,21 +91,21 @@ class Problem(ABC):
         return self.groups()
 
     @abstractmethod
-    def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
-        """Named signals (N,) that a residual might follow: angles, torques, directions, time, covariates."""
+    def signals(self, fitted: Fitted) -> dict[Signal, np.ndarray]:
+        """Signals (N,) that a residual might follow: angles, torques, directions, time, covariates."""
 
-    def surfaces(self, fitted: Fitted) -> dict[str, np.ndarray]:
-        """Named columns (N, b), each set tested as one, where several signals might act only together."""
+    def surfaces(self, fitted: Fitted) -> dict[Signal, np.ndarray]:
+        """Columns (N, b), each set tested as one, where several signals might act only together."""
         return {}
 
-    def space(self, fitted: Fitted) -> tuple[str, np.ndarray] | None:
-        """Name and points (N, d): a space over which the residual along the device's axes might vary
+    def space(self, fitted: Fitted) -> tuple[Signal, np.ndarray] | None:
+        """What it is, and points (N, d): a space over which the residual along the device's axes might vary
         smoothly."""
         return None
 
     @abstractmethod
-    def directions(self, fitted: Fitted) -> dict[str, np.ndarray]:
-        """Named patterns (N, m) along which something could move: a unit turn of each joint, each
+    def directions(self, fitted: Fitted) -> dict[Direction, np.ndarray]:
+        """Patterns (N, m) along which something could move: a unit turn of each joint, each
         component."""
 
     @abstractmethod
@@ -121,8 +122,8 @@ class Problem(ABC):
         that takes away no more."""
         return 0.0
 
-    def waves(self, fitted: Fitted, floor: float | None) -> tuple[str, ...]:
-        """In words: waves in time that were likelier than effects, or that stand out of a measured noise
+    def waves(self, fitted: Fitted, floor: float | None) -> tuple[Structure, ...]:
+        """Waves in time that were likelier than effects, or that stand out of a measured noise
         floor, in the unit of the errors; empty where there are none, or where nothing is known of them."""
         return ()
 

@@ -9,8 +9,8 @@ from exactarm.data.split import pose_groups, pose_split
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.noise import repeat_scatter
 from exactarm.diagnose.problem import Problem
+from exactarm.diagnose.signal import APPROACH, LOAD, ORDER, TIME, TWO_ANGLES, Signal, place_of_axis
 from exactarm.diagnose.smoothness import second_order
-from exactarm.effects.axis_units import moves_by
 from exactarm.identify.declared import require_geometry
 from exactarm.noise.wandering import SESSIONS_APART
 from exactarm.robot.robot import Robot
@@ -45,21 +45,22 @@ class ProblemAtRest(Problem):
         typical = float(np.median(step[step > 0.0])) if np.any(step > 0.0) else 1.0
         return (time - time.min()) / typical + session * (np.ptp(time) / typical + SESSIONS_APART)
 
-    def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
+    def signals(self, fitted: Fitted) -> dict[Signal, np.ndarray]:
         view, data = fitted.view, self.data
-        signals = {moves_by(self.robot, i + 1): view.q[:, i] for i in range(view.axes)}
-        signals |= {f"load of axis {i + 1}": view.torque[:, i] for i in range(view.axes)
+        signals = {place_of_axis(self.robot, i + 1): view.q[:, i] for i in range(view.axes)}
+        signals |= {Signal(LOAD, i + 1): view.torque[:, i] for i in range(view.axes)
                     if np.ptp(view.torque[:, i]) > 0}
         directions = view.direction
-        signals |= {f"approach of axis {i + 1}": directions[:, i] for i in range(view.axes)
+        signals |= {Signal(APPROACH, i + 1): directions[:, i] for i in range(view.axes)
                     if np.ptp(directions[:, i]) > 0}
         order = data.time if data.time is not None else np.arange(len(data), dtype=float)
-        signals["time" if data.time is not None else "order of measurement"] = order
-        return signals | {name: values for name, values in data.covariates.items() if np.ptp(values) > 0}
+        signals[Signal(TIME if data.time is not None else ORDER)] = order
+        return signals | {Signal(name): values for name, values in data.covariates.items()
+                          if np.ptp(values) > 0}
 
-    def surfaces(self, fitted: Fitted) -> dict[str, np.ndarray]:
+    def surfaces(self, fitted: Fitted) -> dict[Signal, np.ndarray]:
         q = fitted.view.q
-        return {"angles of two axes together": second_order(q[:, np.ptp(q, axis=0) > 0.0])}
+        return {Signal(TWO_ANGLES): second_order(q[:, np.ptp(q, axis=0) > 0.0])}
 
     def repeats(self, residual: np.ndarray, used: np.ndarray) -> float | None:
         """Pure error of those rows (N,) bool that were measured at the same commanded pose in the same

@@ -18,8 +18,17 @@ from exactarm.data.dataset import Dataset
 from exactarm.diagnose.coloured_noise import ColouredNoise, NoiseMemory
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.problem import Problem
+from exactarm.diagnose.signal import (
+    ACCELERATION,
+    DIRECTION,
+    LOAD,
+    MOTOR_ANGLE,
+    SPEED,
+    TIME,
+    Signal,
+    place_of_axis,
+)
 from exactarm.diagnose.time_groups import run_groups, stretches_of_response
-from exactarm.effects.axis_units import moves_by
 from exactarm.identify.declared import all_effects, with_estimates
 from exactarm.robot.robot import Robot
 from exactarm.view import View
@@ -54,20 +63,20 @@ class ProblemInTime(Problem):
         return other
 
     def _signals(self, view: View, data: Dataset, axes: Iterable[int], rate: np.ndarray,
-                 direction: np.ndarray) -> dict[str, np.ndarray]:
+                 direction: np.ndarray) -> dict[Signal, np.ndarray]:
         """Of some axes, whose motors turn at `rate` (N, n) on the output side, and of what all share."""
         signals = {}
         for i in axes:
-            signals[moves_by(self.robot, i + 1)] = view.q[:, i]
-            signals[f"direction of axis {i + 1}"] = direction[:, i]
-            signals[f"speed of axis {i + 1}"] = rate[:, i]
+            signals[place_of_axis(self.robot, i + 1)] = view.q[:, i]
+            signals[Signal(DIRECTION, i + 1)] = direction[:, i]
+            signals[Signal(SPEED, i + 1)] = rate[:, i]
             if "theta_ddot" in view.signals:
-                signals[f"acceleration of axis {i + 1}"] = view.signals["theta_ddot"][:, i]
-            signals[f"load of axis {i + 1}"] = view.torque[:, i]
+                signals[Signal(ACCELERATION, i + 1)] = view.signals["theta_ddot"][:, i]
+            signals[Signal(LOAD, i + 1)] = view.torque[:, i]
             if self.motors_within_revolutions:
                 within = np.mod(view.theta[:, i], 2.0 * np.pi)
-                signals[f"motor angle of axis {i + 1} within a revolution"] = within
-        signals |= {"time": data.time} | data.covariates
+                signals[Signal(MOTOR_ANGLE, i + 1, "within a revolution")] = within
+        signals |= {Signal(TIME): data.time} | {Signal(name): each for name, each in data.covariates.items()}
         return {name: values for name, values in signals.items() if np.ptp(values) > 0.0}
 
     def _counted(self, fitted: Fitted, known: NoiseMemory, step: float) -> Fitted:

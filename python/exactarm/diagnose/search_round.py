@@ -16,6 +16,7 @@ from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.search import Posterior, prior_of, search
+from exactarm.diagnose.signal import Structure
 from exactarm.diagnose.vocabulary import SCALES, Block, Vocabulary
 from exactarm.noise.estimate import log_likelihood_under, normal_noise
 from exactarm.noise.model import NoiseModel
@@ -80,9 +81,10 @@ class Found:
         blocks = (self.block(index) for index in self.members.blocks)
         return tuple(block for block in blocks if block.effect is not None)
 
-    def titles(self) -> list[str]:
-        """Of the unknown functions in the best set."""
-        return [self.block(i).unknown.title for i in self.members.blocks if self.block(i).unknown is not None]
+    def structures(self) -> list[Structure]:
+        """The unknown functions in the best set."""
+        unknown = (self.block(i).unknown for i in self.members.blocks)
+        return [each.structure for each in unknown if each is not None]
 
 
 def search_round(problem: Problem, at: At, noise: NoiseModel | None) -> Found | None:

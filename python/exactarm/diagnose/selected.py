@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from exactarm.diagnose.admissible import LEAST_EVIDENCE, LEAST_PROBABILITY
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.scan import Candidate
+from exactarm.diagnose.signal import Structure
 from exactarm.effects.base import Effect
 
 
@@ -15,7 +16,7 @@ class Accepted:
     """An effect in the model: its evidence, its probability among all rivals, the rivals by evidence.
 
     round: it came in between fits[round] and fits[round + 1] of the selection. share: of it beside unknown
-    functions, where the kind of data has them for rivals; likelier: such a function that beats it, in words.
+    functions, where the kind of data has them for rivals; likelier: such a function that beats it.
     """
 
     effect: Effect
@@ -25,7 +26,7 @@ class Accepted:
     round: int
     credible_set: tuple[tuple[str, int | None, float], ...] = ()
     share: float = 1.0
-    likelier: str = ""
+    likelier: Structure | None = None
 
 
 @dataclass(frozen=True)

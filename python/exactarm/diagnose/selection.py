@@ -283,7 +283,7 @@ def _beside_unknown(problem: Problem, declared: Layout, accepted: list[Accepted]
         rivals, pieces = [(rival.effect, rival.evidence) for rival in own.rivals], pieces_of(problem)
         sure = bagged_contest(without, (own.effect, own.evidence), rivals, numbers(without), pieces)
         found[place] = replace(own, probability=min(own.probability, sure), share=share,
-                               likelier=worst.title if share < NAMED_AT else "")
+                               likelier=worst.likeliest if share < NAMED_AT else None)
     return found
 
 

@@ -26,6 +26,7 @@ from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import free_mask, grid, regularised_gain
 from exactarm.diagnose.search import log_prior_of_count
+from exactarm.diagnose.signal import Structure
 from exactarm.diagnose.time_groups import time_groups
 from exactarm.diagnose.unknown import Unknown, unknown_functions
 from exactarm.diagnose.vocabulary import DESCRIBED, SCALE_WEIGHTS, SCALES, UNKNOWN_MASS, emptied
@@ -37,10 +38,10 @@ _STEP = 10.0**0.5  # between scales beyond the largest of the vocabulary, which 
 
 @dataclass(frozen=True)
 class Beside:
-    """Share (0 to 1) of the effect beside all unknown functions; title of the likeliest of these."""
+    """Share (0 to 1) of the effect beside all unknown functions, and the likeliest of these."""
 
     share: float
-    title: str
+    likeliest: Structure
 
 
 def beside_unknown(problem: Problem, steps: list[tuple[Fitted, Effect]],
@@ -71,9 +72,9 @@ def beside_unknown(problem: Problem, steps: list[tuple[Fitted, Effect]],
     near = evidence > evidence.max() - _HOPELESS
     by_piece, kept = zip(squares, *(one[2] for one in found))
     if not near[0]:
-        return Beside(float(np.exp(own - special.logsumexp(evidence))), best.title)
+        return Beside(float(np.exp(own - special.logsumexp(evidence))), best.structure)
     shares = bagged(evidence[near], np.array(by_piece)[near], np.array(kept)[near], count(without))
-    return Beside(float(shares[0]), best.title)
+    return Beside(float(shares[0]), best.structure)
 
 
 def pieces_of(problem: Problem) -> np.ndarray:
@@ -87,7 +88,7 @@ def _unknown_weights(problem: Problem, without: Fitted, count: float,
     """Log weight of every unknown function, summed over lengths, and the square sums that it leaves; one
     direction at a time, to save memory."""
     signals, directions = problem.signals(without), problem.directions(without)
-    device = {name: pattern for name, pattern in directions.items() if name.startswith("the device")}
+    device = {along: pattern for along, pattern in directions.items() if along.of_tracker}
     apart = [{name: pattern} for name, pattern in directions.items() if name not in device]
     found, number = [], 0
     for part in (*apart, device):

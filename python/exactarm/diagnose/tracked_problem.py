@@ -18,6 +18,7 @@ from exactarm.diagnose.coloured_noise import ColouredNoise
 from exactarm.diagnose.fitted import Fitted, rows_kept
 from exactarm.diagnose.next_motions import separating_motion
 from exactarm.diagnose.problem_in_time import ProblemInTime
+from exactarm.diagnose.signal import POSITION, TWO_ANGLES, Direction, Signal, axis_of, turn_of
 from exactarm.diagnose.smoothness import second_order
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.calibrate import calibrated_robot, identifiable_layout, require_sessions
@@ -174,22 +175,22 @@ class TrackedProblem(ProblemInTime):
         jacobian = jacobian[:: max(1, len(jacobian) // _SPREAD_ROWS), :3]
         return float(np.mean(np.einsum("nap,pq,naq->n", jacobian, fitted.fit.covariance, jacobian)))
 
-    def signals(self, fitted: Fitted) -> dict[str, np.ndarray]:
+    def signals(self, fitted: Fitted) -> dict[Signal, np.ndarray]:
         view = fitted.view
         rate = view.signals["theta_dot"] / self.robot.controller_ratios
         moving = np.flatnonzero(view.moving)
         own = self._signals(view, self.record.data, moving, rate, np.sign(rate))
-        place = {f"position {axis}": view.signals["target"][:, k] for k, axis in enumerate("xyz")}
+        place = {Signal(POSITION, part=axis): view.signals["target"][:, k] for k, axis in enumerate("xyz")}
         return own | {name: values for name, values in place.items() if np.ptp(values) > 0.0}
 
-    def surfaces(self, fitted: Fitted) -> dict[str, np.ndarray]:
-        return {"angles of two axes together": second_order(fitted.view.q[:, fitted.view.moving])}
+    def surfaces(self, fitted: Fitted) -> dict[Signal, np.ndarray]:
+        return {Signal(TWO_ANGLES): second_order(fitted.view.q[:, fitted.view.moving])}
 
-    def directions(self, fitted: Fitted) -> dict[str, np.ndarray]:
+    def directions(self, fitted: Fitted) -> dict[Direction, np.ndarray]:
         view = fitted.view
         columns = view.target_by("q")[:, :3]
-        turn = {f"a turn of axis {i + 1}": columns[:, :, i] for i in range(view.axes)}
-        return turn | {f"the device's {name} axis": np.tile(np.eye(3)[k], (view.rows, 1))
+        turn = {turn_of(i + 1): columns[:, :, i] for i in range(view.axes)}
+        return turn | {axis_of("device", name): np.tile(np.eye(3)[k], (view.rows, 1))
                        for k, name in enumerate("xyz")}
 
     def error_of_unit_noise(self, fitted: Fitted) -> float:

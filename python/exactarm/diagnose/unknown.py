@@ -19,12 +19,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from exactarm.diagnose.signal import (
+    ANGLE,
+    APPROACH,
+    LOAD,
+    PLACE,
+    POSITION,
+    TRACKER,
+    TRAVEL,
+    Direction,
+    Signal,
+    Structure,
+)
+
 LENGTHS = (0.4, 1.0, 2.4)  # 0.2, 0.5 and 1.2 of the range [-1, 1]
 _TERMS, _TERMS_OF_TWO = 15, 4
 _HALF_WIDTH = 1.3  # L: at the ends of the range the basis is still free
 AMPLITUDE = 3e-4  # rad of an axis, m of the device: what gears, springs and devices leave
-OF_TIME = ("time", "order of measurement")
 _LEAST_VALUES = 5  # different values of a signal; fewer are levels, not a curve
+_OF_THE_ARM = (ANGLE, TRAVEL, LOAD, APPROACH)  # no device follows them
 _DECIMALS = 9  # of a signal in SI: no device measures a nanoradian; a load of 1e-17 Nm is rounding
 
 
@@ -32,31 +45,32 @@ _DECIMALS = 9  # of a signal in SI: no device measures a nanoradian; a load of 1
 class Unknown:
     """Which direction follows which signals; `form`: smooth, of two, or of place."""
 
-    direction: str
-    signals: tuple[str, ...]
+    direction: Direction
+    signals: tuple[Signal, ...]
     form: str = "smooth"
 
     @property
     def label(self) -> str:
-        return f"{self.direction} by {' and '.join(self.signals)}"
+        return f"{self.direction} by {' and '.join(map(str, self.signals))}"
 
     @property
     def described(self) -> bool:
         """A turn of an axis by its own angle or load: what the library's gear curves and springs describe
         already."""
-        axis = self.direction.rsplit("axis ", 1)[-1]
-        return len(self.signals) == 1 and self.signals[0].endswith(f"of axis {axis}")
+        first = self.signals[0]
+        alone = len(self.signals) == 1 and not first.part
+        return alone and self.direction.turns and first.axis == self.direction.axis
 
     @property
     def curve_of_axis(self) -> int | None:
         """The axis that it turns as a function of that axis's own angle; None for all others."""
-        axis = self.direction.rsplit("axis ", 1)[-1]
-        return int(axis) if self.described and self.signals == (f"angle of axis {axis}",) else None
+        return self.direction.axis if self.described and self.signals[0].quantity == ANGLE else None
 
     @property
-    def title(self) -> str:
+    def structure(self) -> Structure:
         """As a technician says it."""
-        return f"{self.direction} follows {' and '.join('the ' + s for s in self.signals)}"
+        follows = " and ".join(f"the {signal}" for signal in self.signals)
+        return Structure(f"{self.direction} follows {follows}", self.signals)
 
 
 def basis_of(values: np.ndarray, terms: int = _TERMS) -> np.ndarray:
@@ -85,21 +99,21 @@ def unknown_functions(fitted, signals: dict,
     trying."""
     curves = {name: values for name, values in signals.items()
               if len(np.unique(values.round(_DECIMALS))) >= _LEAST_VALUES}
-    turns = {name: pattern for name, pattern in directions.items() if not name.startswith("the device")}
-    device = [pattern for name, pattern in directions.items() if name.startswith("the device")]
+    turns = {along: pattern for along, pattern in directions.items() if not along.of_tracker}
+    device = [pattern for along, pattern in directions.items() if along.of_tracker]
     found = []
     bases = {name: basis_of(values) for name, values in curves.items()}
     lengths = [AMPLITUDE * sizes_of(length) for length in LENGTHS]
     for name, pattern in turns.items():
         for signal, basis in bases.items():
             found.append((Unknown(name, (signal,)), pattern[:, :, None] * basis[:, None, :], lengths))
-    whole = {name: basis for name, basis in bases.items()
-             if not name.startswith(("angle", "travel", "load", "approach", *OF_TIME))}
+    whole = {signal: basis for signal, basis in bases.items()
+             if signal.quantity not in _OF_THE_ARM and not signal.of_time}
     for signal, basis in whole.items() if device else ():
         response = np.concatenate([pattern[:, :, None] * basis[:, None, :] for pattern in device], axis=2)
-        found.append((Unknown("the device", (signal,)), response,
+        found.append((Unknown(TRACKER, (signal,)), response,
                       [np.tile(size, len(device)) for size in lengths]))
-    place = [few_of(curves[name]) for name in curves if name.startswith("position")]
+    place = [few_of(curves[name]) for name in curves if name.quantity == POSITION]
     if device and len(place) == 3:
         found.append(_of_place(place, device))
     return found + _of_two(curves, turns, device)
@@ -116,18 +130,17 @@ def _of_place(place: list[np.ndarray], device: list[np.ndarray]) -> tuple:
     response = np.concatenate([pattern[:, :, None] * product[:, None, :] for pattern in device], axis=2)
     size = sizes_of(LENGTHS[1], _TERMS_OF_TWO)
     sizes = AMPLITUDE * np.einsum("i,j,k->ijk", size, size, size).ravel()
-    return Unknown("the device", ("position in the workspace",),
-                   "of place"), response, [np.tile(sizes, len(device))]
+    return Unknown(TRACKER, (Signal(PLACE),), "of place"), response, [np.tile(sizes, len(device))]
 
 
 def _of_two(curves: dict, turns: dict, device: list) -> list:
     """Products of functions of the angles of two axes, which move one axis, or the device's axes."""
-    few = {name: few_of(values) for name, values in curves.items() if name.startswith(("angle", "travel"))}
+    few = {name: few_of(values) for name, values in curves.items() if name.places_axis}
     size = sizes_of(LENGTHS[1], _TERMS_OF_TWO)
     names, found = list(few), []
     product_size = AMPLITUDE * np.outer(size, size).ravel()
     moved = {direction: [pattern]
-             for direction, pattern in turns.items()} | ({"the device": device} if device else {})
+             for direction, pattern in turns.items()} | ({TRACKER: device} if device else {})
     for i, one in enumerate(names):
         for other in names[i + 1 :]:
             product = (few[one][:, :, None] * few[other][:, None, :]).reshape(len(few[one]), -1)

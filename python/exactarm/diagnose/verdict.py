@@ -17,7 +17,7 @@ from exactarm.diagnose.held_out_evidence import AGAINST
 from exactarm.diagnose.noise import NoiseFloor
 from exactarm.diagnose.posterior import Causes
 from exactarm.diagnose.selection import NAMED_AT
-from exactarm.diagnose.unknown import OF_TIME
+from exactarm.diagnose.signal import Structure
 
 EXPLAINED, NOTHING, UNEXPLAINED = "explained", "no_undeclared_effect", "unexplained"
 _NOISE_REACHED = 1.25  # RMS after, beside the noise floor
@@ -110,10 +110,10 @@ def carries_badly(excess: float) -> bool:
     return excess > _CARRIES_OVER
 
 
-def remains(left: Dossier, excess: float, unknown: tuple[str, ...] = ()) -> str:
+def remains(left: Dossier, excess: float, unknown: tuple[Structure, ...] = ()) -> str:
     """What is known of a structure that nothing explains; unknown: what the posterior says of it."""
     if unknown:
-        known = "; ".join(unknown)
+        known = "; ".join(map(str, unknown))
     elif left.structure:
         known = f"it follows the {left.strongest.signal} best, along {left.strongest.direction}"
     else:
@@ -126,7 +126,8 @@ def remains(left: Dossier, excess: float, unknown: tuple[str, ...] = ()) -> str:
 
 
 def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, excess: float,
-                unknown: tuple[str, ...] = (), gain: float = 0.0, undecided: tuple[str, ...] = ()) -> str:
+                unknown: tuple[Structure, ...] = (), gain: float = 0.0,
+                undecided: tuple[str, ...] = ()) -> str:
     """The verdict in one sentence that a technician understands; gain: of the held-out rows, in nats;
     undecided: titles of causes of which one is missing."""
     judged = "validation" if after["validation"].n else "identification"
@@ -149,7 +150,7 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
             own = next(f.effect for f in findings if f.effect.label == a.instead_of)
             text += f" This data cannot tell {own.title} from {a.effect.title}."
         if gain < AGAINST or not named:
-            likelier = [f.likelier for f in refuted if f.likelier]
+            likelier = [str(f.likelier) for f in refuted if f.likelier]
             return text + (outdone(likelier) if likelier and gain >= AGAINST
                            else spoken_against(len(findings)))
         if verdict == UNEXPLAINED:
@@ -166,7 +167,7 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
             f"{remains(left, excess, unknown)}."
         )
     if left.structure:
-        like = ", as noise does that neighbouring rows share" if left.strongest.signal in OF_TIME else ""
+        like = ", as noise does that neighbouring rows share" if left.strongest.signal.of_time else ""
         return (f"No effect of the library earns its place: the residual follows the {left.strongest.signal} "
                 f"beyond chance, with {100 * left.strongest.share:.0f} % of its square sum{like}.")
     return "Nothing is missing: the residual of the declared model cannot be told from noise."

@@ -1,0 +1,87 @@
+"""What a residual may follow, along what something could move, and what is left: values with the words of a
+report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from exactarm.effects.axis_units import slides
+from exactarm.robot.robot import Robot
+
+# Quantities; every other one is a covariate by its name.
+ANGLE, TRAVEL, LOAD, APPROACH = "angle", "travel", "load", "approach"
+DIRECTION, SPEED, ACCELERATION, MOTOR_ANGLE = "direction", "speed", "acceleration", "motor angle"
+TWO_ANGLES, POSITION, PLACE = "angles of two axes together", "position", "position in the workspace"
+TIME, ORDER = "time", "order of measurement"
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A quantity of an axis (from 1), or of none; part: of a position its component, of an angle where it is
+    counted."""
+
+    quantity: str
+    axis: int | None = None
+    part: str = ""
+
+    def __str__(self) -> str:
+        of_axis = "" if self.axis is None else f"of axis {self.axis}"
+        return " ".join(filter(None, (self.quantity, of_axis, self.part)))
+
+    @property
+    def places_axis(self) -> bool:
+        """Where an axis stands."""
+        return self.quantity in (ANGLE, TRAVEL)
+
+    @property
+    def of_time(self) -> bool:
+        return self.quantity in (TIME, ORDER)
+
+
+def place_of_axis(robot: Robot, joint: int) -> Signal:
+    """Of an axis (from 1): its angle, or its travel where it slides."""
+    return Signal(TRAVEL if slides(robot, joint) else ANGLE, joint)
+
+
+@dataclass(frozen=True)
+class Direction:
+    """Along which something could move: a turn of an axis (from 1), what is measured of one, an axis of the
+    tracker or of a sensor."""
+
+    words: str
+    axis: int | None = None
+    turns: bool = False
+    of_tracker: bool = False
+
+    def __str__(self) -> str:
+        return self.words
+
+
+TRACKER = Direction("the device", of_tracker=True)
+
+
+def turn_of(joint: int) -> Direction:
+    return Direction(f"a turn of axis {joint}", joint, turns=True)
+
+
+def measured_of(joint: int) -> Direction:
+    return Direction(f"axis {joint}", joint)
+
+
+def axis_of(thing: str, name: str) -> Direction:
+    """the device's x axis"""
+    return Direction(f"the {thing}'s {name} axis", of_tracker=thing == "device")
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Something that no effect explains, in words; the signals that it follows; wanders: it is a device that
+    drifts or jumps; hertz: it is a wave in time."""
+
+    words: str
+    signals: tuple[Signal, ...] = ()
+    wanders: bool = False
+    hertz: float | None = None
+
+    def __str__(self) -> str:
+        return self.words
