@@ -15,6 +15,7 @@ from exactarm import cli, effects
 from exactarm.chain import Layout, predict_poses
 from exactarm.data.dataset import Dataset
 from exactarm.effects import library
+from exactarm.errors import ComputationError
 from exactarm.robot_file import load_robot
 from six_axis import six_axis
 
@@ -38,6 +39,51 @@ def hose_bundle(tmp_path, monkeypatch):
     assert module.HoseBundle in bases
     # subclasses live as long as someone holds them; without a name it is in no library
     module.HoseBundle.name = ""
+
+
+def installed(folder, monkeypatch, text):
+    """A package in a folder, with an entry point for its module."""
+    (folder / "hoses.py").write_text(text)
+    about = folder / "hoses-1.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: hoses\nVersion: 1\n")
+    (about / "entry_points.txt").write_text("[exactarm.effects]\nhose = hoses\n")
+    monkeypatch.syspath_prepend(folder)
+
+
+@pytest.fixture
+def afresh():
+    """The library is looked through anew, before and behind a test."""
+    library()
+    known = {*all_effects(effects.Effect)}
+    library.cache_clear()
+    yield
+    sys.modules.pop("hoses", None)
+    for cls in {*all_effects(effects.Effect)} - known:
+        cls.name = ""  # as above
+    library.cache_clear()
+
+
+def all_effects(cls):
+    for sub in cls.__subclasses__():
+        yield sub
+        yield from all_effects(sub)
+
+
+def test_a_package_brings_effects_of_its_own(tmp_path, monkeypatch, afresh):
+    installed(tmp_path, monkeypatch, block("python"))
+    assert library()["hose_bundle"].__module__ == "hoses"
+
+
+@pytest.mark.parametrize("text, words", [
+    ("import no_such_module", "the effects of the installed package hoses cannot be loaded"),
+    (block("python").replace('"hose_bundle"', '"backlash"'), "hoses calls an effect backlash"),
+], ids=["broken", "taken"])
+def test_a_package_whose_effects_cannot_be_used_is_named_in_one_line(tmp_path, monkeypatch, afresh, text,
+                                                                    words):
+    installed(tmp_path, monkeypatch, text)
+    with pytest.raises(ComputationError, match=words):
+        library()
 
 
 def test_its_derivatives_pass_the_shared_check(hose_bundle):

@@ -1,5 +1,5 @@
-"""The library of effects: every module of this folder is looked through once; each subclass registers by its
-name."""
+"""The library of effects: every module of this folder is looked through once, and what installed packages
+name under the entry point `exactarm.effects`; each subclass registers by its name."""
 
 from __future__ import annotations
 
@@ -7,20 +7,43 @@ import importlib
 import pkgutil
 from dataclasses import replace
 from functools import cache
+from importlib.metadata import EntryPoint, entry_points
 
 import numpy as np
 
 from exactarm.effects.base import RECORD_KEY, Change, Effect, Parameter, Station
+from exactarm.errors import ComputationError
 
+ENTRY_POINT = "exactarm.effects"
 __all__ = ["Change", "Effect", "Parameter", "Station", "effect_from_table", "library"]
 
 
 @cache
 def library() -> dict[str, type[Effect]]:
-    """Name -> class of every effect found in this folder, sorted by name."""
+    """Name -> class of every effect found, sorted by name. Raises ComputationError for an installed package
+    whose effects cannot be loaded, or bear a name that is taken."""
     for module in pkgutil.iter_modules(__path__):
         importlib.import_module(f"{__name__}.{module.name}")
-    return dict(sorted(_named_subclasses(Effect)))
+    found = dict(_named_subclasses(Effect))
+    for point in entry_points(group=ENTRY_POINT):
+        _load(point)
+        for name, effect in _named_subclasses(Effect):
+            if found.setdefault(name, effect) is not effect:
+                raise ComputationError(f"{_package(point)} calls an effect {name}, as another one is called "
+                                       "already: rename it, or uninstall the package")
+    return dict(sorted(found.items()))
+
+
+def _load(point: EntryPoint) -> None:
+    try:
+        point.load()
+    except Exception as error:  # whatever a foreign module does
+        raise ComputationError(f"the effects of {_package(point)} cannot be loaded ({point.value}: {error}): "
+                               "update or uninstall the package") from error
+
+
+def _package(point: EntryPoint) -> str:
+    return "an installed package" if point.dist is None else f"the installed package {point.dist.name}"
 
 
 def _named_subclasses(cls: type[Effect]):
