@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from exactarm.identify.drifting_noise import DriftingNoise
+from exactarm.noise.drifting import DriftingNoise
 
 MEMORY = np.array([0.9, 0.6])
 

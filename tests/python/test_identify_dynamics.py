@@ -14,8 +14,8 @@ from exactarm.cli import main
 from exactarm.data.dataset import read_dataset, write_dataset
 from exactarm.files.examples import data_path
 from exactarm.identify.base_parameters import base_parameters
-from exactarm.identify.correlated import autocorrelation, uncertainty
 from exactarm.identify.dynamics import DynamicsOptions, identify_dynamics
+from exactarm.noise.autocorrelation import autocorrelation, uncertainty
 from exactarm.numerics.regression import bounded_interval
 from exactarm.robot.robot import Link
 from exactarm.robot_file import load_robot, write_robot

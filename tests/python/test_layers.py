@@ -47,7 +47,7 @@ MAY_IMPORT = {
     "simulate": MEASURED | {"view", "simulate"},
     "compensate": MODEL | {"robot_file", "compensate"},
     "export": MODEL | {"compensate", "export"},
-    "identify": MODEL | {"measurement", "view", "rest_load", "identify"},
+    "identify": MODEL | {"measurement", "view", "rest_load", "noise", "identify"},
     "first_aid": MEASURED | {"view", "rest_load", "identify", "first_aid"},
     "design": MEASURED | {"identify", "design"},
     "verify": MEASURED | {"identify", "first_aid", "verify"},

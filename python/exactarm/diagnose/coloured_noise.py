@@ -6,7 +6,7 @@ itself still has the causes in it that are searched for, and they would pass for
 columns take the slow part of the noise with them, and the sum over long lags then says that there is none:
 where a record is short for its noise (`short`), an autoregression over the first few lags (Yule and Walker),
 which are hardly touched by that, has a say too, and the smaller share counts. Where the noise drifts
-(`drifts`), the drift is filtered out first (identify/drifting_noise.py), and the rest is counted.
+(`drifts`), the drift is filtered out first (noise/drifting.py), and the rest is counted.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import Candidate, linear_columns, log_evidence, scan
-from exactarm.identify.correlated import autocorrelation
-from exactarm.identify.drifting_noise import DriftingNoise
+from exactarm.noise.autocorrelation import autocorrelation
+from exactarm.noise.drifting import DriftingNoise
 
 _LAG_S = 1.0
 _SHORT_S, _SHORT_LAGS = 0.15, 3

@@ -30,11 +30,11 @@ from exactarm.diagnose.signal import Direction, Signal, Structure, axis_of, meas
 from exactarm.diagnose.time_groups import time_groups
 from exactarm.diagnose.wave_in_time import WaveInTime
 from exactarm.effects.base import Effect
-from exactarm.identify.drifting_noise import DriftingNoise
 from exactarm.identify.gear_declared import declared_gear_layout, sensor_layout
 from exactarm.identify.gear_fit import fit_gear_runs
 from exactarm.identify.sensor_tone import find_tones, without_tones
 from exactarm.noise.broadband import broadband_noise, oscillation, strongest_line
+from exactarm.noise.drifting import DriftingNoise
 from exactarm.numerics.regression import Fit
 from exactarm.numerics.signals import typical_step
 from exactarm.robot.robot import Robot

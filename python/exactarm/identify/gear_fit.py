@@ -12,8 +12,8 @@ import numpy as np
 
 from exactarm.chain import GearRecord, GearRunPrediction, Layout, gear_record, predict_gear_run
 from exactarm.data.dataset import Dataset
-from exactarm.identify.drifting_noise import DriftingNoise
 from exactarm.identify.layout_fit import fit_layout
+from exactarm.noise.drifting import DriftingNoise
 from exactarm.numerics.regression import Fit
 from exactarm.robot.robot import Robot
 

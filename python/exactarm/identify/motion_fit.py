@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm.chain import Layout, MotionPrediction, MotionRecord, predict_motion
-from exactarm.identify.correlated import Uncertainty, uncertainty
 from exactarm.identify.layout_fit import fit_layout, priors_of
+from exactarm.noise.autocorrelation import Uncertainty, uncertainty
 from exactarm.numerics.regression import Fit
 from exactarm.robot.robot import Robot
 
