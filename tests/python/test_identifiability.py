@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from exactarm.effects.parameter_id import Group, ParameterId
 from exactarm.identify.identifiability import preference, select_identifiable, still_axes
 from identification_poses import RIGHT, racer_like, random_joints, robot_of, stacked_jacobian
 
@@ -141,7 +142,8 @@ def test_an_axis_that_stands_still_is_named():
 def test_a_parameter_without_effect_is_dropped_and_said_so():
     jacobian, layout = stacked_jacobian(racer_like(), random_joints(racer_like(), 50, 1))
     wider = np.column_stack([jacobian, np.zeros(150)])
-    result = select_identifiable(wider, (*layout.names, "backlash_4.width_rad"), keep_first=9)
+    names = (*layout.names, ParameterId("backlash_4.width_rad", axis=4))
+    result = select_identifiable(wider, names, keep_first=9)
     reason = why(result, "backlash_4.width_rad").why
     assert reason == "backlash_4.width_rad changes nothing that is measured in these poses"
 
@@ -150,13 +152,16 @@ def test_an_effect_is_given_up_before_the_geometry_it_imitates():
     jacobian, layout = stacked_jacobian(racer_like(), random_joints(racer_like(), 50, 1))
     twin = jacobian[:, layout.names.index("a_2_m")]
     result = select_identifiable(np.column_stack([twin, jacobian]),
-                                 ("gear_eccentricity_2.first_rad", *layout.names))
+                                 (ParameterId("gear_eccentricity_2.first_rad", axis=2), *layout.names))
     assert why(result, "gear_eccentricity_2.first_rad").collides_with == ("a_2_m",)
 
 
 def test_preference_goes_from_frames_to_effects():
-    names = ("backlash_1.width_rad", "ratio_1", "q_offset_2_rad", "q_offset_1_rad", "d_2_m", "alpha_1_rad",
-             "session_1.tool_x_m")
+    names = (ParameterId("backlash_1.width_rad"), ParameterId("ratio_1", Group.RATIO, "ratio", 1),
+             *(ParameterId(f"q_offset_{k}_rad", Group.OFFSET, "q_offset", k) for k in (2, 1)),
+             ParameterId("d_2_m", Group.GEOMETRY, "d", 2),
+             ParameterId("alpha_1_rad", Group.GEOMETRY, "alpha", 1),
+             ParameterId("session_1.tool_x_m", Group.FRAME, "tool", session=1))
     assert [names[j] for j in preference(names)] == [
         "session_1.tool_x_m", "alpha_1_rad", "d_2_m", "q_offset_1_rad", "q_offset_2_rad", "ratio_1",
         "backlash_1.width_rad"

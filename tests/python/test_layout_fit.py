@@ -9,6 +9,7 @@ import pytest
 
 from exactarm.chain import Layout
 from exactarm.effects.base import Parameter
+from exactarm.effects.parameter_id import ParameterId
 from exactarm.identify import layout_fit
 from exactarm.identify.layout_fit import fit_layout
 from exactarm.numerics.regression import Evaluation, least_squares
@@ -27,8 +28,10 @@ class Line:
     def with_values(self, values):
         return replace(self, values=tuple(values))
 
-    def parameter_label(self, parameter):
-        return parameter.name
+    def parameter_id(self, parameter):
+        return ParameterId(parameter.name)
+
+    parameter_label = parameter_id
 
     def parameters(self):
         return (Parameter("one", 1.0), Parameter("two", 1.0, prior=PRIOR), Parameter("three", 2.0),

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from exactarm.effects.base import Effect, Parameter
+from exactarm.effects.parameter_id import ParameterId
 from exactarm.robot.robot import Robot
 
 
@@ -75,10 +76,10 @@ class Layout:
                      if keep)
 
     @cached_property
-    def names(self) -> tuple[str, ...]:
-        """Unique labels of the free parameters, with units."""
+    def names(self) -> tuple[ParameterId, ...]:
+        """Unique labels of the free parameters, with units, and what they are."""
         return tuple(
-            e.parameter_label(p) for e, mask in zip(self.effects, self.free)
+            e.parameter_id(p) for e, mask in zip(self.effects, self.free)
             for p, keep in zip(e.parameters(), mask) if keep
         )
 

@@ -33,6 +33,7 @@ from exactarm.commands.suspicions import suspicions
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import CLOSURES, POSES, kind_of
 from exactarm.data.split import DEFAULT_SEED
+from exactarm.effects.parameter_id import Group
 from exactarm.errors import InputError
 from exactarm.identify.calibrate import Calibration, CalibrationOptions
 from exactarm.identify.calibrate import calibrate as identify_geometry
@@ -40,7 +41,6 @@ from exactarm.identify.closure_scale import gravity_alone
 from exactarm.identify.closures import calibrate_closures
 from exactarm.identify.declared import geometry_layout
 from exactarm.identify.identifiability import Dropped
-from exactarm.identify.parameter_name import Group, parse_parameter
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Estimate, Figure, Quantity, Report, Table, Warnings
 from exactarm.report.numbers import change, quantities
@@ -266,7 +266,7 @@ def _parameter_sections(robot: Robot, result: Calibration) -> tuple[Any, ...]:
     """Robot parameters as plot and table, then the frames of the sessions."""
     declared, shown = geometry_layout(robot), result.shown
     start_of = dict(zip(declared.names, declared.values))
-    frame = np.array([parse_parameter(name).group is Group.FRAME for name in result.names])
+    frame = np.array([name.group is Group.FRAME for name in result.names])
 
     def pick(mask: np.ndarray) -> tuple[Any, ...]:
         names = [name for name, keep in zip(result.names, mask) if keep]

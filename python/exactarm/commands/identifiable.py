@@ -32,6 +32,7 @@ from exactarm.data.kinds import CLOSURES
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.design.joint_limits import beyond_limits
 from exactarm.design.pose_space import PoseSpace
+from exactarm.effects.parameter_id import Group, ParameterId
 from exactarm.errors import InputError
 from exactarm.first_aid.mismatch import with_cause
 from exactarm.identify.closure_fit import Pulls, expected_deviations
@@ -48,7 +49,6 @@ from exactarm.identify.declared import carried_layout, frames_layout, geometry_l
 from exactarm.identify.identifiability import Dropped, Identifiability, still_axes
 from exactarm.identify.match import Mismatch, require_match
 from exactarm.identify.model_check import ModelCheck, check_model
-from exactarm.identify.parameter_name import parse_parameter
 from exactarm.identify.partner_prior import with_open_partner
 from exactarm.identify.planned import PlannedModel, controller_angles, pose_blocks, pose_data, row_weights
 from exactarm.measurement.closures import touches
@@ -255,15 +255,14 @@ def _report(robot: Robot, check: ModelCheck, poses: _Poses, noise: float) -> Rep
 
 
 def _frame_table(robot: Robot, check: ModelCheck) -> Table:
-    state = dict.fromkeys(check.identifiability.identifiable, "i")
+    state: dict[ParameterId, str] = dict.fromkeys(check.identifiability.identifiable, "i")
     state |= {entry.name: "n" for entry in check.identifiability.dropped}
     state |= {entry.name: "n" for entry in check.absent}
     state |= {gap.name: "gap" for gap in check.gaps}
     symbols = {}
     for name, mark in state.items():
-        p = parse_parameter(name)
-        if p.axis is not None and "." not in name:
-            symbols[p.symbol, p.axis] = mark
+        if name.group in (Group.GEOMETRY, Group.OFFSET, Group.RATIO):
+            symbols[name.symbol, name.axis] = mark
     columns = ("d", "a", "alpha", "beta", "q_offset", "ratio")
     rows: tuple[tuple[Cell, ...], ...] = tuple(
         (axis, *(symbols.get((column, axis), "x") for column in columns)) for axis in range(1, robot.axes + 1)
@@ -309,7 +308,7 @@ def _sigma_table(result: Identifiability, noise: float) -> Table:
     rows = []
     for name, sigma in zip(result.names, _deviations(result)):
         if np.isfinite(sigma):
-            unit = "m" if name.endswith("_m") else "rad" if name.endswith("_rad") else ""
+            unit = name.unit
             rows.append((name, Quantity(float(sigma), unit)))
     heading = f"Standard deviations to expect at {number(1e3 * noise)} mm of noise in every coordinate"
     return Table(heading, ("parameter", "standard deviation"), tuple(rows))

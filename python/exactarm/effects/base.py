@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from exactarm.effects.axis_units import of_a_slide, slides
+from exactarm.effects.parameter_id import ParameterId
 from exactarm.station import Station
 
 if TYPE_CHECKING:
@@ -186,6 +187,10 @@ class Effect(ABC):
     def parameter_label(self, parameter: Parameter) -> str:
         """Unique name of one of its parameters within a robot: `backlash_2.width_rad`."""
         return f"{self.label}.{parameter.name}"
+
+    def parameter_id(self, parameter: Parameter) -> ParameterId:
+        """The same with what it stands for."""
+        return ParameterId(self.parameter_label(parameter), axis=self.joint)
 
     def bake(self, robot: Robot) -> Robot:
         """The robot with those of the effect's values in its tables that live there (geometry, frames,

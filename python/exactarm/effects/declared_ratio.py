@@ -13,6 +13,7 @@ import numpy as np
 
 from exactarm.data.kinds import WITH_TARGET
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.effects.parameter_id import Group, ParameterId
 
 
 @dataclass(frozen=True)
@@ -35,6 +36,9 @@ class DeclaredRatio(Effect):
 
     def parameter_label(self, parameter: Parameter) -> str:
         return f"ratio_{self.joint}"
+
+    def parameter_id(self, parameter: Parameter) -> ParameterId:
+        return ParameterId(self.parameter_label(parameter), Group.RATIO, "ratio", self.joint)
 
     def bake(self, robot):
         # The controller goes on reporting by its own constant.

@@ -14,6 +14,7 @@ import numpy as np
 
 from exactarm.data.kinds import WITH_TARGET
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.effects.parameter_id import Group, ParameterId
 from exactarm.numerics.rotation import exp, left_jacobian, log, skew
 from exactarm.robot.controller_frames import apart, base_in_device, target_on_flange
 from exactarm.robot.robot import Placement
@@ -55,6 +56,10 @@ class Frames(Effect):
 
     def parameter_label(self, parameter: Parameter) -> str:
         return f"session_{self.session}.{parameter.name}"
+
+    def parameter_id(self, parameter: Parameter) -> ParameterId:
+        symbol = parameter.name.split("_", 1)[0]
+        return ParameterId(self.parameter_label(parameter), Group.FRAME, symbol, session=self.session)
 
     def place(self, session, base, tool):
         if session != self.session:

@@ -13,6 +13,7 @@ import numpy as np
 
 from exactarm.data.kinds import WITH_TARGET
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.effects.parameter_id import Group, ParameterId
 
 _NAMES = ("d_m", "a_m", "alpha_rad", "beta_rad")
 
@@ -46,6 +47,10 @@ class Geometry(Effect):
     def parameter_label(self, parameter: Parameter) -> str:
         symbol, unit = parameter.name.rsplit("_", 1)
         return f"{symbol}_{self.joint}_{unit}"
+
+    def parameter_id(self, parameter: Parameter) -> ParameterId:
+        symbol = parameter.name.rsplit("_", 1)[0]
+        return ParameterId(self.parameter_label(parameter), Group.GEOMETRY, symbol, self.joint)
 
     def carries_from(self, joint: int) -> np.ndarray:
         """Its own place on the axis, d and a, moves the carriage of a slide along."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from exactarm.data.kinds import WITH_TARGET
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.effects.parameter_id import Group, ParameterId
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,9 @@ class JointOffset(Effect):
 
     def parameter_label(self, parameter: Parameter) -> str:
         return f"q_offset_{self.joint}_{'m' if self.slides else 'rad'}"
+
+    def parameter_id(self, parameter: Parameter) -> ParameterId:
+        return ParameterId(self.parameter_label(parameter), Group.OFFSET, "q_offset", self.joint)
 
     def describe(self) -> str:
         return f"axis {self.joint} has its zero at {self.values[0]:.5f} {'m' if self.slides else 'rad'}"

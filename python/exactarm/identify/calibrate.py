@@ -18,6 +18,7 @@ from exactarm.chain import Layout, predict_poses
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import POSES, kind_of
 from exactarm.data.split import DEFAULT_SEED, pose_groups
+from exactarm.effects.parameter_id import Group, ParameterId
 from exactarm.errors import InputError
 from exactarm.identify.compliance import compliance_layout
 from exactarm.identify.declared import (
@@ -97,7 +98,7 @@ class Calibration:
     payloads: tuple[EstimatedPayload, ...] = ()  # of each session, where some were not weighed
 
     @property
-    def names(self) -> tuple[str, ...]:
+    def names(self) -> tuple[ParameterId, ...]:
         return self.fit.layout.names
 
     @property
@@ -224,7 +225,7 @@ def identifiable_layout(
     result = select_identifiable(
         rows.reshape(-1, layout.size),
         layout.names,
-        keep_first=sum(name.startswith("session_") for name in layout.names),
+        keep_first=sum(name.group is Group.FRAME for name in layout.names),
         poses=len(rows),
         weights=weights,
         sigma=None if sigma is None else 1.0,

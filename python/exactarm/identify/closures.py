@@ -42,7 +42,6 @@ from exactarm.identify.judged_rows import judged_rows, unjudged_lines
 from exactarm.identify.length_doubt import length_doubts
 from exactarm.identify.loads import kept_masses, with_loads
 from exactarm.identify.match import WORST_SHARE, reach
-from exactarm.identify.parameter_name import parse_parameter
 from exactarm.identify.partner_misfit import partner_misfit
 from exactarm.identify.partner_prior import known_of_partner, partner_warnings, with_open_partner
 from exactarm.identify.size_doubt import size_doubts
@@ -286,8 +285,7 @@ def identifiable_closures(
 ) -> tuple[Layout, Identifiability]:
     """`setup` (frames, contacts, tool) and what of `beside` these closures can tell; the scale is held where
     nothing gives it."""
-    whole = tuple(name for name in beside.names
-                  if (p := parse_parameter(name)).axis == 1 and p.symbol in _AS_ONE)
+    whole = tuple(name for name in beside.names if name.axis == 1 and name.symbol in _AS_ONE)
     layout = setup.joined(beside.without(set(whole)))
     trusted = layout.without(known_of_partner(setup))
     prediction = predict_closures(robot, trusted, data, threads=threads)
@@ -306,7 +304,7 @@ def identifiable_closures(
     held = set(found.dropped_names)
     if not scale_is_known(layout, data):
         longest = longest_length(trusted, held, frames)
-        others = tuple(n for n in trusted.names if n.endswith("_m") and n not in held and n != longest)
+        others = tuple(n for n in trusted.names if n.unit == "m" and n not in held and n != longest)
         found = replace(
             found, kept=found.kept & np.array([name != longest for name in found.names]),
             dropped=(*found.dropped, Dropped(longest, f"{longest} holds the scale: {SCALE}", others, True)),

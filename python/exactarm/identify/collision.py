@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exactarm.identify.parameter_name import Group, ParameterName, parse_parameter
+from exactarm.effects.parameter_id import Group, ParameterId
 from exactarm.robot.robot import Robot
 
 NEARLY_PARALLEL_RAD = 0.05  # beyond it nobody calls two axes parallel
@@ -30,62 +30,61 @@ class Arm:
     still: tuple[int, ...] = ()
 
 
-def no_effect(name: str) -> str:
+def no_effect(p: ParameterId) -> str:
     """The sentence for a parameter whose column vanishes."""
-    p = parse_parameter(name)
     if p.group is Group.GEOMETRY and p.symbol in ("alpha", "beta"):
-        return f"{name} turns the tool about the target itself: only a measured orientation shows that"
+        return f"{p} turns the tool about the target itself: only a measured orientation shows that"
     if p.group is Group.OFFSET:
-        return f"{name} moves nothing that is measured: the target lies on axis {p.axis}"
+        return f"{p} moves nothing that is measured: the target lies on axis {p.axis}"
     if p.group is Group.RATIO:
         return (
-            f"{name} moves nothing that is measured: the target lies on axis {p.axis}, or the axis rests at "
+            f"{p} moves nothing that is measured: the target lies on axis {p.axis}, or the axis rests at "
             "zero"
         )
-    return f"{name} changes nothing that is measured in these poses"
+    return f"{p} changes nothing that is measured in these poses"
 
 
-def move_alike(name: str, partners: Sequence[str], arm: Arm | None) -> str:
+def move_alike(name: ParameterId, partners: Sequence[ParameterId], arm: Arm | None) -> str:
     """The sentence for a parameter that a combination of `partners` imitates exactly."""
-    reason = _reason(parse_parameter(name), [parse_parameter(p) for p in partners], arm)
+    reason = _reason(name, partners, arm)
     return f"{name} and {listed(partners)} move the tool alike" + (
         f": {reason}" if reason else " in these poses"
     )
 
 
-def hardly_differ(name: str, partners: Sequence[str], arm: Arm | None, uncertainty: float,
+def hardly_differ(name: ParameterId, partners: Sequence[ParameterId], arm: Arm | None, uncertainty: float,
                   plausible: float) -> str:
     """The sentence for a parameter that the noise hides: its standard deviation beside its plausible
     magnitude."""
-    unit = " m" if name.endswith("_m") else " rad" if name.endswith("_rad") else ""
+    unit = f" {name.unit}" if name.unit else ""
     text = (
         f"{name} is lost in the noise: known to {uncertainty:.2g}{unit} only, plausible is "
         f"{plausible:.2g}{unit}"
     )
     if not partners:
         return text
-    reason = _reason(parse_parameter(name), [parse_parameter(p) for p in partners], arm)
+    reason = _reason(name, partners, arm)
     return f"{text}; it is hardly told from {listed(partners)}" + (f": {reason}" if reason else "")
 
 
-def listed(names: Sequence[str]) -> str:
+def listed(names: Sequence[ParameterId]) -> str:
     """Names as a person lists them; the six numbers of a frame become one."""
-    short = list(dict.fromkeys(_short(parse_parameter(name), names) for name in names))
+    short = list(dict.fromkeys(_short(name, names) for name in names))
     if len(short) > _MOST_PARTNERS:
         short = short[:_MOST_PARTNERS] + [f"{len(short) - _MOST_PARTNERS} more"]
     return short[0] if len(short) == 1 else ", ".join(short[:-1]) + " and " + short[-1]
 
 
-def _short(p: ParameterName, names: Sequence[str]) -> str:
+def _short(p: ParameterId, names: Sequence[ParameterId]) -> str:
     if p.group is not Group.FRAME:
-        return p.text
+        return p
     if p.symbol == "contact":
         return "the contacts"
-    sessions = {q.session for q in map(parse_parameter, names) if q.group is Group.FRAME}
+    sessions = {q.session for q in names if q.group is Group.FRAME}
     return f"the {p.symbol} frame" + ("s of all sessions" if len(sessions) > 1 else "")
 
 
-def _reason(p: ParameterName, partners: list[ParameterName], arm: Arm | None) -> str:
+def _reason(p: ParameterId, partners: Sequence[ParameterId], arm: Arm | None) -> str:
     frames = {q.symbol for q in partners if q.group is Group.FRAME}
     others = [q for q in partners if q.group is not Group.FRAME]
     if arm is None:
@@ -102,7 +101,7 @@ def _reason(p: ParameterName, partners: list[ParameterName], arm: Arm | None) ->
     return ""
 
 
-def _resting(p: ParameterName, others: list[ParameterName], frames: set[str], arm: Arm) -> int | None:
+def _resting(p: ParameterId, others: list[ParameterId], frames: set[str], arm: Arm) -> int | None:
     """The first axis at rest that makes two of these parameters one: its neighbours move as one body."""
     involved = [q.axis for q in (p, *others) if q.axis is not None]
     for k in arm.still:
@@ -112,14 +111,14 @@ def _resting(p: ParameterName, others: list[ParameterName], frames: set[str], ar
     return None
 
 
-def _always_absorbed(p: ParameterName, frames: set[str], robot: Robot) -> bool:
+def _always_absorbed(p: ParameterId, frames: set[str], robot: Robot) -> bool:
     """Whether a frame takes the parameter up however the axes move."""
     if frames == {"base"}:
         return p.axis == 1 and p.symbol in ("d", "q_offset")
     return frames == {"tool"} and p.axis == robot.axes
 
 
-def _absorbed(p: ParameterName, frames: set[str]) -> str:
+def _absorbed(p: ParameterId, frames: set[str]) -> str:
     if "contact" in frames:
         return f"{_frames(frames)} absorb it"
     which = " and ".join(sorted(frames))
@@ -137,7 +136,7 @@ def _frames(symbols: set[str]) -> str:
     return " and ".join(named + (["the contacts"] if "contact" in symbols else []))
 
 
-def _prismatic(p: ParameterName, others: list[ParameterName], robot: Robot) -> str:
+def _prismatic(p: ParameterId, others: list[ParameterId], robot: Robot) -> str:
     sliding = [i + 1 for i, joint in enumerate(robot.joints) if joint.type == "prismatic"]
     if p.axis in sliding and {p.symbol, *(q.symbol for q in others)} == {"d", "q_offset"}:
         return f"axis {p.axis} slides: its zero and its d are one and the same"
@@ -147,7 +146,7 @@ def _prismatic(p: ParameterName, others: list[ParameterName], robot: Robot) -> s
     return ""
 
 
-def _alike_along_parallel_axes(p: ParameterName, others: list[ParameterName], robot: Robot) -> str:
+def _alike_along_parallel_axes(p: ParameterId, others: list[ParameterId], robot: Robot) -> str:
     along = [q.axis for q in others if q.symbol == "d"]
     if p.symbol != "d" or not along or len(along) != len(others):
         return ""
@@ -156,7 +155,7 @@ def _alike_along_parallel_axes(p: ParameterName, others: list[ParameterName], ro
     return ""
 
 
-def _collinear_turn(p: ParameterName, others: list[ParameterName], robot: Robot) -> str:
+def _collinear_turn(p: ParameterId, others: list[ParameterId], robot: Robot) -> str:
     turns = [q.axis for q in others if q.symbol == "q_offset"]
     if p.symbol != "q_offset" or not turns:
         return ""
@@ -167,7 +166,7 @@ def _collinear_turn(p: ParameterName, others: list[ParameterName], robot: Robot)
     return ""
 
 
-def _turn_about_parallel_y(p: ParameterName, others: list[ParameterName], robot: Robot) -> str:
+def _turn_about_parallel_y(p: ParameterId, others: list[ParameterId], robot: Robot) -> str:
     """Hayati's beta at a frame whose axes are perpendicular turns about a line parallel to its own axis."""
     for q, r in ((p, others), *((q, [p, *others]) for q in others)):
         if q.symbol != "beta" or not any(s.symbol == "q_offset" and s.axis == q.axis for s in r):
@@ -179,7 +178,7 @@ def _turn_about_parallel_y(p: ParameterName, others: list[ParameterName], robot:
     return ""
 
 
-def _target_on_axis(p: ParameterName, others: list[ParameterName], robot: Robot) -> str:
+def _target_on_axis(p: ParameterId, others: list[ParameterId], robot: Robot) -> str:
     """Frame n - 1 cannot be told from turns about the target where the target lies on axis n."""
     last, tool = robot.joints[-1], robot.tool.position
     on_axis = abs(last.a) < COLLINEAR_M and abs(np.hypot(tool[0], tool[1])) < COLLINEAR_M
@@ -188,7 +187,7 @@ def _target_on_axis(p: ParameterName, others: list[ParameterName], robot: Robot)
     return ""
 
 
-def _one_target(p: ParameterName, others: list[ParameterName], robot: Robot) -> str:
+def _one_target(p: ParameterId, others: list[ParameterId], robot: Robot) -> str:
     if p.group in (Group.GEOMETRY, Group.OFFSET) and {q.axis for q in (p, *others)} == {robot.axes}:
         return "a single target point does not show how the last frame is turned"
     return ""

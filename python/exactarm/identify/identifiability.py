@@ -20,9 +20,9 @@ from functools import cached_property
 
 import numpy as np
 
+from exactarm.effects.parameter_id import Group, ParameterId
 from exactarm.identify.collision import Arm, hardly_differ, move_alike, no_effect
 from exactarm.identify.observability import Observability, column_scale, observability
-from exactarm.identify.parameter_name import Group, parse_parameter
 from exactarm.robot.robot import Robot
 
 RANK_TOLERANCE = 1e-6  # part of a unit column outside the kept ones: URDF files print pi to six digits
@@ -36,9 +36,9 @@ _WEAK_SHARE = 0.3  # the same in a direction that is weak but not empty
 class Dropped:
     """A parameter that is not estimated: why in one sentence, and with which others it collides."""
 
-    name: str
+    name: ParameterId
     why: str
-    collides_with: tuple[str, ...] = ()
+    collides_with: tuple[ParameterId, ...] = ()
     exact: bool = True  # False: told apart in principle, but not at this noise
 
 
@@ -55,7 +55,7 @@ class Identifiability:
     sigma_parameter  (P,) standard deviations at the given noise, NaN where dropped; None without a noise
     """
 
-    names: tuple[str, ...]
+    names: tuple[ParameterId, ...]
     kept: np.ndarray
     dropped: tuple[Dropped, ...]
     singular_values: np.ndarray
@@ -64,17 +64,17 @@ class Identifiability:
     sigma_parameter: np.ndarray | None = None
 
     @cached_property
-    def identifiable(self) -> tuple[str, ...]:
+    def identifiable(self) -> tuple[ParameterId, ...]:
         return tuple(name for name, keep in zip(self.names, self.kept) if keep)
 
     @cached_property
-    def dropped_names(self) -> tuple[str, ...]:
+    def dropped_names(self) -> tuple[ParameterId, ...]:
         return tuple(entry.name for entry in self.dropped)
 
 
 def select_identifiable(
     jacobian: np.ndarray,
-    names: Sequence[str],
+    names: Sequence[ParameterId],
     *,
     keep_first: int = 0,
     poses: int | None = None,
@@ -135,13 +135,12 @@ def still_axes(q: np.ndarray) -> tuple[int, ...]:
     return tuple(int(i) + 1 for i in np.flatnonzero(np.ptp(q, axis=0) < _STILL))
 
 
-def preference(names: Sequence[str], keep_first: int = 0) -> list[int]:
+def preference(names: Sequence[ParameterId], keep_first: int = 0) -> list[int]:
     """Column indices from the one to keep most to the one to drop first."""
-    parsed = [parse_parameter(name) for name in names]
     rest = range(keep_first, len(names))
 
     def rank(j: int) -> tuple[int, int, int]:
-        p = parsed[j]
+        p = names[j]
         by_axis = p.axis if p.group in (Group.GEOMETRY, Group.OFFSET, Group.RATIO) else 0
         return int(p.group), by_axis, j
 

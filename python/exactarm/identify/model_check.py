@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm.chain import Layout
+from exactarm.effects.parameter_id import ParameterId
 from exactarm.identify.collision import NEARLY_PARALLEL_RAD, deviation_from_parallel
 from exactarm.identify.identifiability import Dropped, Identifiability, select_identifiable
-from exactarm.identify.parameter_name import parse_parameter
 from exactarm.robot.robot import Robot
 
 
@@ -60,7 +60,7 @@ def check_model(
     kept = [place[name] for name in result.identifiable]
     spare = [place[name] for name in full.names if name not in set(layout.names)]
     beside = select(kept + spare, len(kept))
-    absent = tuple(entry for entry in beside.dropped if parse_parameter(entry.name).symbol == "d")
+    absent = tuple(entry for entry in beside.dropped if entry.name.symbol == "d")
     gaps = tuple(Dropped(name, _why_gap(name, robot)) for name in beside.identifiable if place[name] in spare)
     return ModelCheck(result, absent, gaps)
 
@@ -75,8 +75,7 @@ def with_all_columns(layout: Layout, robot: Robot) -> Layout:
     return replace(layout, effects=tuple(effects), free=tuple(free))
 
 
-def _why_gap(name: str, robot: Robot) -> str:
-    p = parse_parameter(name)
+def _why_gap(p: ParameterId, robot: Robot) -> str:
     parallel = (
         p.axis < robot.axes and deviation_from_parallel(robot, p.axis, p.axis + 1) < NEARLY_PARALLEL_RAD
     )
@@ -86,4 +85,4 @@ def _why_gap(name: str, robot: Robot) -> str:
             f"{p.axis + 1} about y of frame {p.axis} would show in these poses, and no parameter of the "
             "model stands for it"
         )
-    return f"{name} would show in these poses, and no parameter of the model stands for it"
+    return f"{p} would show in these poses, and no parameter of the model stands for it"

@@ -17,6 +17,8 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from exactarm.effects.parameter_id import ParameterId
+
 _PLAUSIBLE_COUNTS_AS = 1e-3
 
 
@@ -49,14 +51,10 @@ def observability(singular_values: np.ndarray, poses: int) -> Observability:
     )
 
 
-def column_scale(names: Sequence[str], plausible: Sequence[float] | None = None) -> np.ndarray:
+def column_scale(names: Sequence[ParameterId], plausible: Sequence[float] | None = None) -> np.ndarray:
     """(P,) factor of every column: 1 for lengths and angles, 1000 times the plausible magnitude for all
     else."""
     if plausible is None:
         return np.ones(len(names))
     pairs = zip(names, plausible)
-    return np.array([1.0 if _si(name) else float(size) / _PLAUSIBLE_COUNTS_AS for name, size in pairs])
-
-
-def _si(name: str) -> bool:
-    return name.endswith(("_m", "_rad")) and not ("_per_" in name or name.endswith("Nm_rad"))
+    return np.array([1.0 if name.unit else float(size) / _PLAUSIBLE_COUNTS_AS for name, size in pairs])

@@ -36,7 +36,7 @@ WRONG_PARTNER = (
 
 def calibrated(robot: Robot) -> bool:
     """Whether lengths of its file come from a calibration."""
-    return any(name in robot.intervals and name.endswith("_m") for name in geometry_layout(robot).names)
+    return any(name in robot.intervals and name.unit == "m" for name in geometry_layout(robot).names)
 
 
 def prior_of(robot: Robot, drawn: bool = False) -> tuple[Layout, np.ndarray]:

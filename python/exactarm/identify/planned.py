@@ -15,6 +15,7 @@ from exactarm.chain import Layout, predict_poses
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import POSES
 from exactarm.effects.frames import Frames
+from exactarm.effects.parameter_id import Group
 from exactarm.identify.compliance import compliance_layout
 from exactarm.identify.declared import geometry_layout, require_geometry
 from exactarm.robot.robot import Placement, Robot
@@ -46,7 +47,7 @@ class PlannedModel:
         joints = tuple(
             replace(joint, cw=None, ccw=None, spring_linear=None, spring_cubic=0.0) for joint in robot.joints
         )
-        loaded = any(name.startswith("joint_compliance") for name in layout.names)
+        loaded = any(name.group is Group.EFFECT for name in layout.names)
         plain = replace(robot, joints=joints, effects=(), base=Placement(),
                         links=robot.links if loaded else None)
         return PlannedModel(plain, layout, orientation, len(unknown))

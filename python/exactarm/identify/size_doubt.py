@@ -25,7 +25,7 @@ def size_doubts(layout: Layout, fit: Fit, drawing: Mapping[str, tuple[float, flo
     """One line where all lengths of the arm grew or shrank alike; `drawing` by the names of `layout`."""
     error = np.sqrt(np.diag(fit.covariance))
     told = [(drawing[name][0], value) for name, value, sd in zip(layout.names, layout.values, error)
-            if name in drawing and name.endswith("_m") and sd < _TOLD * drawing[name][1]]
+            if name in drawing and name.unit == "m" and sd < _TOLD * drawing[name][1]]
     if len(told) < _LEAST:
         return ()
     drawn, found = np.array(told).T

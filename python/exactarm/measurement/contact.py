@@ -16,6 +16,7 @@ import numpy as np
 
 from exactarm.data.kinds import CLOSURES, POSES
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.effects.parameter_id import Group, ParameterId
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,9 @@ class Contact(Effect):
 
     def parameter_label(self, parameter: Parameter) -> str:
         return f"session_{self.session}.{self.contact}_{self.number}_{parameter.name}"
+
+    def parameter_id(self, parameter: Parameter) -> ParameterId:
+        return ParameterId(self.parameter_label(parameter), Group.FRAME, "contact", session=self.session)
 
     def rows(self, data) -> np.ndarray:
         """(N,) bool: the rows that touch it."""

@@ -16,6 +16,7 @@ import numpy as np
 
 from exactarm.data.kinds import CLOSURES, POSES
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.effects.parameter_id import Group, ParameterId
 from exactarm.robot.controller_frames import target_on_flange
 from exactarm.robot.robot import Placement
 
@@ -41,6 +42,9 @@ class Target(Effect):
             f"tool_{parameter.name}" if self.number is None
             else f"session_{self.number}.tool_{parameter.name}"
         )
+
+    def parameter_id(self, parameter: Parameter) -> ParameterId:
+        return ParameterId(self.parameter_label(parameter), Group.FRAME, "tool", session=self.number)
 
     @property
     def number(self) -> int | None:
