@@ -8,7 +8,7 @@ import pytest
 
 import exactarm as ea
 from exactarm.commands.diagnose_report import _many_left_out, _outliers, found_effects, report_of
-from exactarm.commands.effect_sections import _at_tool_note, _size, axes_in_words, causes_in_words, percent
+from exactarm.commands.effect_sections import _at_tool_note, _size, causes_in_words, on_axes, percent
 from exactarm.commands.error_sections import words_of
 from exactarm.diagnose.contribution import (
     _at_tool,
@@ -80,7 +80,7 @@ def test_errors_in_space_are_those_of_the_held_out_rows(result):
     ([1, 2, 3, 4, 5, 6], " on all six axes"), ([None], ""),
 ])
 def test_axes_are_told_as_a_person_would(joints, words):
-    assert axes_in_words(joints, 6) == words
+    assert on_axes(joints, 6) == words
 
 
 def test_probabilities_are_not_told_beyond_what_they_mean():

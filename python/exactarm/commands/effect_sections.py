@@ -45,7 +45,7 @@ def in_order(found: Sequence[tuple[Finding, Contribution | None]]) -> list[
     return sorted(found, key=lambda pair: (pair[0].effect.station, pair[0].effect.joint or 0))
 
 
-def axes_in_words(joints: Sequence[int | None], axes: int) -> str:
+def on_axes(joints: Sequence[int | None], axes: int) -> str:
     """" of axis 2", " of axes 1 to 4", " of all six axes"; nothing for effects of no single axis."""
     numbers = sorted({joint for joint in joints if joint is not None})
     if not numbers:
@@ -90,7 +90,7 @@ def causes_in_words(result: Diagnosis, found: Sequence[tuple[Finding, Contributi
         sizes += [f"{result.excluded} rows, {quantity(left.value, 'm')} off in the median"
                   if result.excluded > 1 else f"1 row, {quantity(left.value, 'm')} off"
                   for finding, _ in members if (left := rows_left_out(result, finding))]
-        phrases.append(words + axes_in_words([f.effect.joint for f, _ in members], axes)
+        phrases.append(words + on_axes([f.effect.joint for f, _ in members], axes)
                        + (f" ({', '.join(sizes)})" if sizes else ""))
     return "; ".join(phrases)
 
@@ -121,7 +121,7 @@ def _at_tool_note(result: Diagnosis, told: Sequence[Contribution]) -> str:
     rigid = [axis for c in told for axis in c.rigid]
     if rigid:
         note += (f"No size at the tool where the robot file declares no stiffness "
-                 f"(`spring_linear_Nm_rad`): none{axes_in_words(rigid, result.robot.axes)}. ")
+                 f"(`spring_linear_Nm_rad`): none{on_axes(rigid, result.robot.axes)}. ")
     return note
 
 
