@@ -195,18 +195,36 @@ def _tested(problem: Problem, first: Fitted, vocabulary: Vocabulary, found: Foun
 
 
 def _wrong_rows(problem, declared, chosen, fitted: Fitted, noise: NoiseModel):
-    """The effect that leaves out rows that are wrong by themselves, where the noise has such rows and they
-    are scattered."""
+    """The effect that leaves out rows that are wrong by themselves, where the noise has such rows, they are
+    scattered, and not all of them are what a chosen effect could as well have done there."""
     if not noise.wrong.any():
         return None
     for effect in candidates_for(problem, fitted):
         if not effect.excludes_rows():
             continue
         trial = refit(problem, declared, [*chosen, effect], fitted)
-        if trial.weight.all():
+        if trial.weight.all() or _could_be_right(trial, len(declared.effects), noise):
             continue
         return Place(effect.label, effect, 1.0 - WRONG_ROW_FALSE_ALARM, np.inf, (), 0), trial
     return None
+
+
+def _could_be_right(trial: Fitted, first: int, noise: NoiseModel) -> bool:
+    """Whether an effect behind the first ones, whose change is not known in every row, could explain each
+    wrong row: within the bounds of the change, its error is one that a good row may have."""
+    view, out, sigma = trial.view, noise.wrong, noise.sigma[:3]
+    largest = 2.0 * special.gammainccinv(1.5, WRONG_ROW_FALSE_ALARM / view.rows)  # of chi-squared
+    error = trial.residual[:, :3]
+    for effect in trial.layout.effects[first:]:
+        bounds = effect.could_change(view)
+        if bounds is None:
+            continue
+        change = effect.change(view)
+        moved = view.transfers[effect.station](change.columns, np.ones((view.rows, 1, 1)))[:, :3, 0]
+        nearest = np.sum(moved * error / sigma**2, axis=1) / np.sum((moved / sigma) ** 2 + 1e-300, axis=1)
+        more = np.clip(change.value[:, 0] + nearest, *bounds) - change.value[:, 0]
+        out = out & (np.sum(((error - more[:, None] * moved) / sigma) ** 2, axis=1) > largest)
+    return not out.any()
 
 
 def selection_of(causes: Causes) -> Selection:

@@ -88,6 +88,13 @@ class Backlash(Effect):
         return Change((self.index,), (-half * s)[:, None], derivative,
                       {"torque": self.by_own_entry(view, -half * slope)})
 
+    def could_change(self, view) -> tuple[np.ndarray, np.ndarray] | None:
+        """Either flank, under a load that is guessed: where it changes sign is not known."""
+        if len(self.values) < 3:
+            return None
+        half = np.full(view.rows, 0.5 * abs(self.values[0]))
+        return -half, half
+
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
         for index, joint in enumerate(robot.joints):

@@ -345,13 +345,15 @@ class Effect(ABC):
         return None
 
     def renewed(self, view: View) -> Effect:
-        """The effect with what it takes from the residual itself taken anew (a threshold); others stay as
-        they are."""
+        """The effect with what it takes from the residual itself (a threshold) taken anew; others stay."""
         return self
 
+    def could_change(self, view: View) -> tuple[np.ndarray, np.ndarray] | None:
+        """Lowest and highest (N,) that its change could be where nothing says which; None: it is known."""
+        return None
+
     def drawn_wider(self, scale: float) -> Effect:
-        """The effect with the priors of its terms `scale` times as wide, where the data choose their width;
-        others stay."""
+        """The effect with priors `scale` times as wide, where the data choose their width; others stay."""
         return self
 
     def redrawn(self, covariance: np.ndarray) -> Effect:
@@ -363,8 +365,7 @@ class Effect(ABC):
         return self
 
     def deviation(self, phi: np.ndarray) -> np.ndarray | None:
-        """(N,) rad: standard deviation of a curve of its axis at output angles phi (N, n); None: no such
-        curve."""
+        """(N,) rad: standard deviation of a curve of its axis at output angles phi (N, n); None: no curve."""
         return None
 
     def after_fit(self, phi: np.ndarray, covariance: np.ndarray) -> Effect:
