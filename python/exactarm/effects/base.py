@@ -117,6 +117,7 @@ class Effect(ABC):
     declared: ClassVar[bool] = False  # part of the declared model: re-identified, never a finding
     # tells of one record (a device that was pushed), not of arm or device as such
     of_record: ClassVar[bool] = False
+    of_one_session: ClassVar[bool] = False  # the rows of one alone tell of it
     by_load: ClassVar[bool] = False  # its size or side is decided by the load of a joint
     # a Gaussian prior around the declared values, as wide as they are plausible
     drawn_to_declared: ClassVar[bool] = False
@@ -356,6 +357,11 @@ class Effect(ABC):
     def moved(self, view: View) -> Effect:
         """The effect at a likelier place in the rows, seen from a fit that has it; others stay."""
         return self
+
+    def searched_between(self, view: View) -> dict[str, tuple[float, float]]:
+        """Of a parameter that was searched and not estimated: its name, and between which values it lies with
+        95 %, seen from a fit that has the effect."""
+        return {}
 
     def deviation(self, phi: np.ndarray) -> np.ndarray | None:
         """(N,) rad: standard deviation of a curve of its axis at output angles phi (N, n); None: no such
