@@ -15,7 +15,7 @@ import numpy as np
 
 from exactarm.effects.base import Effect, Parameter
 from exactarm.effects.slow_driver import ROW, in_order, slow_signal, unit
-from exactarm.effects.step_place import likelier_place, place_between, places
+from exactarm.effects.step_place import LEAST_ROWS, likelier_place, place_between, places
 
 
 @dataclass(frozen=True)
@@ -61,16 +61,25 @@ class StepInOrder(Effect):
         x, mine = slow_signal(data, self.driver), data.session == self.session
         if not self.on_earlier_rows:
             return (mine & (x > self.values[0])).astype(float)
-        return ((mine & (x <= self.values[0])) | self.sessions_before(data)).astype(float)
+        before = (data.session < self.session) & self.spans_sessions(data)
+        return ((mine & (x <= self.values[0])) | before).astype(float)
 
-    def sessions_before(self, data) -> np.ndarray:
-        """(N,) bool: rows of sessions before its own that it changes too."""
-        return np.zeros(len(data.session), bool)
+    def spans_sessions(self, data) -> bool:
+        """Whether all sessions before its own are as the rows before it, and all after as those behind it."""
+        return False
+
+    def _least(self, data) -> tuple[int, int]:
+        """Rows of its session that must lie before and after it."""
+        sides = (np.any(data.session < self.session), np.any(data.session > self.session))
+        known = self.spans_sessions(data)
+        return tuple(1 if known and side else LEAST_ROWS for side in sides)
 
     def moved(self, view) -> Effect:
         """The step at the likeliest jump of the residual near its present place."""
         rows = self._rows(view)
-        return self if rows is None else self.with_values((likelier_place(*rows), *self.values[1:]))
+        if rows is None:
+            return self
+        return self.with_values((likelier_place(*rows, self._least(view.data)), *self.values[1:]))
 
     def searched_between(self, view):
         rows = self._rows(view)
@@ -93,7 +102,9 @@ class StepInOrder(Effect):
         """Values of its driver after which it may lie."""
         left, free = _left(view), [not parameter.fixed for parameter in self.sizes()]
         rows, x = in_order(view.data, self.session, self.driver)
-        return () if left is None else places(x, left[rows], self.shown(view)[rows][:, :, free])
+        if left is None:
+            return ()
+        return places(x, left[rows], self.shown(view)[rows][:, :, free], self._least(view.data))
 
     def shown(self, view) -> np.ndarray:
         """(N, m, k) what a unit of each size does to the numbers of `_left`."""

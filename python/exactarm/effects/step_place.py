@@ -18,7 +18,8 @@ from __future__ import annotations
 import numpy as np
 from scipy import special
 
-LEAST_ROWS = 5  # on either side
+LEAST_ROWS = 5  # on either side, where nothing else shows the state there
+EITHER = (LEAST_ROWS, LEAST_ROWS)
 _EVENLY, _PEAKS = 20, 8  # places to try: evenly spread, and where the residual seems to jump
 _BESIDE = 2  # rows to either side of such a place
 _WINDOW = 0.03  # of the rows: so far the place may move at once
@@ -26,9 +27,10 @@ _TAIL_FREEDOM = 4.0
 _SURE = 0.95
 
 
-def places(x: np.ndarray, residual: np.ndarray, patterns: np.ndarray) -> tuple[float, ...]:
+def places(x: np.ndarray, residual: np.ndarray, patterns: np.ndarray,
+           least: tuple[int, int] = EITHER) -> tuple[float, ...]:
     """Values of x after which there may be a step, none where rows are few; residual (R, c), patterns
-    (R, c, p)."""
+    (R, c, p); least: rows before and after it."""
     count = len(x)
     square = np.cumsum(np.einsum("rcp,rcp->rp", patterns, patterns), axis=0)
     if count < 4 * LEAST_ROWS or not np.any(square[-1]):
@@ -40,22 +42,24 @@ def places(x: np.ndarray, residual: np.ndarray, patterns: np.ndarray) -> tuple[f
     left = np.maximum(square[:-1] * (1.0 - part), 1e-9 * square[-1])
     jump = np.sum((along[:-1] - part * along[-1]) ** 2 / left, axis=1)
     k = np.arange(1, count)
-    inside = slice(LEAST_ROWS - 1, count - LEAST_ROWS)
+    first, last = least[0], count - least[1]
+    inside = slice(first - 1, last)
     peaks = k[inside][np.argsort(-jump[inside])[:_PEAKS]]
     beside = (peaks[:, None] + np.arange(-_BESIDE, _BESIDE + 1)).ravel()
-    evenly = np.linspace(LEAST_ROWS, count - LEAST_ROWS, _EVENLY + 2).astype(int)[1:-1]
-    chosen = np.unique(np.clip(np.concatenate([beside, evenly]), LEAST_ROWS, count - LEAST_ROWS))
+    evenly = np.linspace(first, last, _EVENLY + 2).astype(int)[1:-1]
+    chosen = np.unique(np.clip(np.concatenate([beside, evenly]), first, last))
     return tuple(0.5 * (x[i - 1] + x[i]) for i in chosen if x[i] > x[i - 1])
 
 
-def likelier_place(x: np.ndarray, before: np.ndarray, after: np.ndarray, place: float) -> float:
-    """The likeliest place near `place`."""
+def likelier_place(x: np.ndarray, before: np.ndarray, after: np.ndarray, place: float,
+                   least: tuple[int, int] = EITHER) -> float:
+    """The likeliest place near `place`, with `least` rows before and after it."""
     if len(x) < 2 * LEAST_ROWS:
         return place
     now, reach = int(np.searchsorted(x, place, side="right")), max(1, int(_WINDOW * len(x)))
     likely = _log_likelihood(before, after, now)
-    low, high = max(now - reach, LEAST_ROWS), min(now + reach + 1, len(x) - LEAST_ROWS)
-    near = [k for k in range(low, high) if x[k] > x[k - 1]]
+    low, high = max(now - reach, least[0]), min(now + reach, len(x) - least[1])
+    near = [k for k in range(low, high + 1) if x[k] > x[k - 1]]
     if not near:
         return place
     best = max(near, key=lambda k: likely[k])

@@ -55,8 +55,8 @@ class ToolShift(StepInOrder):
         found = super().from_table(table)
         return replace(found, turn=any(found.values[4:]))
 
-    def sessions_before(self, data):
-        return (data.session < self.session) & bool(data.contacts)
+    def spans_sessions(self, data):
+        return bool(data.contacts)
 
     def shape(self, view):
         return _both(-MovingFrames.of(view).rotations[:, -1])

@@ -42,8 +42,8 @@ class ZeroShift(StepInOrder):
         by_parameters = np.stack([np.zeros_like(earlier), earlier], axis=2)
         return Change((self.index,), self.values[1] * earlier, by_parameters)
 
-    def sessions_before(self, data):
-        return data.session < self.session
+    def spans_sessions(self, data):
+        return True
 
     def shape(self, view):
         return view.transfers[Station.SPRING]((self.index,), np.ones((view.rows, 1, 1)))
