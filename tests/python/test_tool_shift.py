@@ -4,6 +4,7 @@ Seeds: none exchanged. (With seed 4 the verdict is `unexplained`, as it is of th
 their noise looks like more by chance.)
 """
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -11,11 +12,18 @@ import pytest
 
 from central_difference import assert_derivative
 from exactarm.chain import Layout, predict_poses
+from exactarm.cli import main
+from exactarm.data.dataset import write_dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects import effect_from_table
 from exactarm.effects.step_place import place_between
 from exactarm.effects.tool_shift import ToolShift
 from exactarm.numerics.rotation import exp
+from exactarm.robot.robot import Placement
+from exactarm.robot_file import load_robot, write_robot
+from exactarm.simulate import Sensors, VirtualRobot, deviated
+from exactarm.simulate.closures import measure_closures
+from exactarm.simulate.virtual_robot import placed
 from set_ups import joints_in_limits, measured, true_robot
 from six_axis import six_axis
 
@@ -110,3 +118,47 @@ def test_a_zero_of_the_last_axis_needs_one_number():
     robot, data = poses(6, shift=2.5e-4 / np.hypot(x, y) * np.array([-y, x, 0.0]))
     (first,) = diagnose(robot, data).findings
     assert (first.effect.name, first.effect.joint) == ("zero_shift", 6)
+
+
+@pytest.mark.slow
+def test_a_tip_that_was_knocked_between_two_places_of_touches_is_named():
+    """Seats at two places; the arm goes on touching them with the tip that stands elsewhere on its flange."""
+    random = np.random.default_rng(7)
+    nominal = load_robot("panda")
+    true = replace(placed(deviated(nominal, 1.0, random, frames=False), random), base=Placement())
+    sensors = Sensors(position_m=NOISE_M, orientation_rad=NOISE_M, counts=0, wrong_rows=0.0)
+    robot = VirtualRobot.of(nominal, [], true)
+    data = measure_closures(robot, "socket", 2, 20, sensors, random)[0]
+    shuffled = np.concatenate([random.permutation(np.flatnonzero(data.session == s)) for s in (1, 2)])
+    data = replace(data.select(shuffled), row=1 + np.arange(len(data)))
+    knocked, later = 4.0 * SHIFT_M, data.row > 62
+    tips = [replace(true, tool=replace(true.tool, position=true.tool.position + d)) for d in (0.0, knocked)]
+    angles = data.joints["theta"].copy()
+    reached = lambda arm, q: predict_poses(arm, Layout.of(()), replace(data, joints={"theta": q}),
+                                           tangents=False).position
+    goal = reached(tips[0], angles)
+    for _ in range(3):
+        missed = goal - reached(tips[1], angles)
+        by_q = np.stack([(reached(tips[1], angles + 1e-6 * e) - reached(tips[1], angles - 1e-6 * e)) / 2e-6
+                         for e in np.eye(7)], axis=2)
+        angles += later[:, None] * np.einsum("nij,nj->ni", np.linalg.pinv(by_q), missed)
+    (first,) = diagnose(nominal, replace(data, joints={"theta": angles})).findings
+    low, high = first.intervals[0]
+    assert first.effect.name == "tool_shift" and first.effect.session == 2 and low <= 62.5 <= high
+    low, high = first.intervals[1:4].T
+    assert np.all((low < knocked) & (knocked < high))
+
+
+@pytest.mark.slow
+def test_the_place_is_told_with_its_interval(tmp_path):
+    robot, data = poses(8)
+    write_robot(tmp_path / "arm.toml", robot)
+    write_dataset(tmp_path / "data.csv", data, robot)
+    out = tmp_path / "found"
+    assert main(["diagnose", str(tmp_path / "arm.toml"), str(tmp_path / "data.csv"), "--out", str(out),
+                 "--quiet"]) == 0
+    (effect,) = json.loads((out / "result.json").read_text())["effects"]
+    low, high = effect["parameters"]["after_row"]["ci95"]
+    assert effect["effect"] == "tool_shift" and low <= KNOCKED_AFTER + 0.5 <= high
+    (kept,) = load_robot(out / "robot.toml").effects
+    assert len(kept.record) == 1 and f"{low:.4g}" in (out / "report.html").read_text()
