@@ -46,6 +46,8 @@ class View:
     changes: dict[int, tuple[Any, Any, dict[str, np.ndarray]]] = field(default_factory=dict, init=False)
     # of time series: what a residual (N, m) says of each moving axis, (N, n)
     by_axis: Callable[[np.ndarray], np.ndarray] | None = None
+    # of touches: what displacements of the target (N, 6, k) do to the numbers that are read, (N, m, k)
+    through: Callable[[np.ndarray], np.ndarray] | None = None
 
     @property
     def rows(self) -> int:
@@ -195,6 +197,10 @@ class View:
         """
         change = effect.change(self)
         return self.transfers[effect.station](change.columns, change.by_parameters)
+
+    def shown(self, displacement: np.ndarray) -> np.ndarray:
+        """(N, m, k) what displacements of the target (N, 6, k) do to the numbers that are read."""
+        return displacement if self.through is None else self.through(displacement)
 
     def leaving(self, residual: np.ndarray) -> View:
         """The same evaluation, of which a residual (N, m) is left: searches for orders look at it."""

@@ -71,6 +71,9 @@ class _Places:
     def elsewhere(self, fitted):
         return fitted
 
+    def at_one_place(self, effect):
+        return False
+
     def holds(self, without, left):
         return bool(np.sum(left) < 0.98 * np.sum(without) and np.all(left < 1.02 * without))
 

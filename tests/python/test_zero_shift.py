@@ -70,3 +70,16 @@ def test_a_steady_drift_is_no_shift():
     drifting = data.position + (data.row / COUNT)[:, None] * np.array([3e-4, 2e-4, 0.0])
     result = diagnose(robot, replace(data, position=drifting))
     assert [finding.effect.name for finding in result.findings] == ["tracker_drift"]
+
+
+def test_a_shift_may_lie_in_the_last_rows_before_another_session():
+    """The other session shows the arm as it is behind them; in one session alone five rows have to."""
+    robot, data = poses(7, 3, -1.0, sessions=2)
+    there, beside = (Layout.of((ZeroShift(3, (after, SHIFT_RAD)),)) for after in (73.5, 72.5))
+    data = replace(data, position=predict_poses(robot, there, data).position)
+    found = {}
+    for name, rows in (("two", np.arange(len(data))), ("one", np.flatnonzero(data.session == 1))):
+        view = predict_poses(robot, beside, data.select(rows)).view
+        tried = next(e for e in ZeroShift.candidates(robot, view) if e.session == 1 and e.joint == 3).search
+        found[name] = 73.5 in tried, beside.effects[0].moved(view).values[0]
+    assert found == {"two": (True, 73.5), "one": (False, 70.5)}

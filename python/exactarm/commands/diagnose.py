@@ -178,7 +178,7 @@ def _per_axis(result: Diagnosis, errors: np.ndarray) -> dict[str, Any]:
 def _effect(finding: Finding, result: Diagnosis) -> dict[str, Any]:
     effect = finding.effect
     parameters = {
-        p.name: value if p.fixed else estimate(value, float(low), float(high))
+        p.name: value if p.fixed and low == high else estimate(value, float(low), float(high))
         for p, value, (low, high) in zip(effect.parameters(), effect.values, finding.intervals)
     } | {name: estimate(*numbers) for name, numbers in finding.derived.items()}
     return {

@@ -193,7 +193,7 @@ def parameters_table(found: Sequence[tuple[Finding, Contribution | None]], robot
     for finding, _ in in_order(found):
         effect = finding.effect
         free = [(p, v, i) for p, v, i in zip(effect.parameters(), effect.values, finding.intervals)
-                if not p.fixed]
+                if not p.fixed or i[0] < i[1]]
         if len(free) <= _FEW and not (effect.orders() and len(free) > 3):
             names = [effect.in_units_of(robot, p.name) for p, _, _ in free]
             rows += [(effect.title, name, Estimate(float(v), float(low), float(high), unit_of(name)))

@@ -35,6 +35,7 @@ from exactarm.data.columns import (
     parse_column,
     renamed,
 )
+from exactarm.data.copied_rows import without_copies
 from exactarm.data.euler import with_orientation
 from exactarm.data.fixture import Fixture
 from exactarm.data.held_samples import without_frozen, without_held
@@ -93,7 +94,8 @@ def read_dataset(
     files = [_read_file(str(path), robot, columns) for path in paths]
     _check_files(files)
     dataset = replace(_join(files, robot), fixture=fixture)
-    return without_frozen(without_held(replace(dataset, **data_kinds(dataset, robot, kind))))
+    dataset = without_frozen(without_held(replace(dataset, **data_kinds(dataset, robot, kind))))
+    return without_copies(dataset)
 
 
 def _since_the_start(time: np.ndarray) -> np.ndarray:

@@ -155,8 +155,10 @@ class ClosureProblem(ProblemAtRest):
             self.robot, layout, self.data, self.pulls, keep=weight, worth=self._declared.worth,
             threads=self.threads, tolerance=self.tolerance,
         )
-        fit.prediction.view.signals["residual"] = fit.prediction.residual
-        return ClosureFitted.of(fit, self.pulls)
+        fitted, view = ClosureFitted.of(fit, self.pulls), fit.prediction.view
+        view.signals |= {"residual": fitted.residual, "scale": fitted.scale}
+        view.through = fit.prediction.passage
+        return fitted
 
     def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
         error = closure_errors(self.robot, fitted.layout, data, self.threads).error()
@@ -187,6 +189,9 @@ class ClosureProblem(ProblemAtRest):
         for place, (name, _, number) in enumerate(contact_keys(self.data)):
             out[self.data.contacts[name] == number] = place
         return out if len(np.unique(out)) > 1 else None
+
+    def at_one_place(self, effect: Effect) -> bool:
+        return effect.of_one_session
 
     def holds(self, without: np.ndarray, left: np.ndarray) -> bool:
         """Places are few: the sum over them may be one alone, and the next may be like any. So none may get

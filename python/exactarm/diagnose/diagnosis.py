@@ -331,6 +331,9 @@ def _finding(accepted: Accepted, last, declared, place, errors, problem, own_sha
     effect, where, free = last.layout.effects[index], last.layout.slices[index], last.layout.free[index]
     intervals = np.column_stack([effect.values, effect.values]).astype(float)
     intervals[free] = last.fit.interval()[where]
+    names = [parameter.name for parameter in effect.parameters()]
+    for name, between in effect.searched_between(last.view).items():
+        intervals[names.index(name)] = between
     covariance = np.zeros((len(effect.values),) * 2)
     covariance[np.ix_(free, free)] = last.fit.covariance[where, where]
     derived = {}

@@ -88,8 +88,10 @@ class PoseProblem(ProblemAtRest):
         view = prediction.view
         view.signals["residual"] = residual
         jacobian = prediction.jacobian[:, : residual.shape[1]]
-        return Fitted(self.robot, result.layout, result.fit, residual, jacobian, np.array(sigma), weight,
-                      view, drawing=self.calibrated.drawn.to)
+        fitted = Fitted(self.robot, result.layout, result.fit, residual, jacobian, np.array(sigma), weight,
+                        view, drawing=self.calibrated.drawn.to)
+        view.signals["scale"] = fitted.scale
+        return fitted
 
     def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
         prediction = predict_poses(self.robot, fitted.layout, data, tangents=False, threads=self.threads)

@@ -182,6 +182,10 @@ class Problem(ABC):
         of them has to hold there. None = `groups` are enough."""
         return None
 
+    def at_one_place(self, effect: Effect) -> bool:
+        """Whether one stretch alone can tell of an effect, so that it cannot be learnt on the others."""
+        return False
+
     def holds(self, without: np.ndarray, left: np.ndarray) -> bool:
         """Whether an effect holds in stretches that it has not learnt from: their square sums, or deviances
         (K,), without it and with it."""

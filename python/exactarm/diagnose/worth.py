@@ -51,9 +51,9 @@ def is_worth(problem: Problem, fitted: Fitted, effects: list[Effect], parted: Cr
 
 def holds_elsewhere(problem: Problem, fitted: Fitted, effects: list[Effect]) -> bool:
     """Whether what is learnt without one large stretch of the data makes it no worse: nearness in time proves
-    nothing there."""
+    nothing there. What one session alone tells of is not asked for elsewhere."""
     stretches = problem.stretches()
-    if stretches is None or any(effect.excludes_rows() for effect in effects):
+    if stretches is None or any(effect.excludes_rows() or problem.at_one_place(effect) for effect in effects):
         return True
     fitted = problem.elsewhere(fitted)
     columns = np.concatenate([linear_columns(fitted, effect) for effect in effects], axis=1)

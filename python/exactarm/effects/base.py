@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from exactarm.effects.axis_units import of_a_slide, slides
+from exactarm.effects.change import Change, OwnCurve, Parameter
 from exactarm.effects.parameter_id import ParameterId
 from exactarm.station import Station
 
@@ -40,62 +41,6 @@ if TYPE_CHECKING:
 
 
 RECORD_KEY = "data_sha256"  # of a robot file
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """One number of an effect: name with unit, bounds, plausible magnitude (SI); `fixed` ones are not
-    estimated.
-
-    `search`: values that a non-linear parameter is tried from (periods, thresholds); empty where the
-    effect is linear in it and zero is a good start.
-    `prior`: standard deviation of a Gaussian prior around zero that regularises one of many terms; inf =
-    none.
-    """
-
-    name: str
-    plausible: float
-    lower: float = -np.inf
-    upper: float = np.inf
-    fixed: bool = False
-    search: tuple[float, ...] = ()
-    prior: float = np.inf
-
-
-@dataclass(frozen=True)
-class Change:
-    """What an effect adds to the signal at its station, on N rows.
-
-    value          (N, c) for the columns `columns` of the signal (joint stations: axis indices from 0)
-    by_parameters  (N, c, k) for the effect's k parameters, fixed ones included
-    by_signal      name of an upstream signal -> (N, c, m): its derivative with respect to that signal's m
-                   columns ("theta", "phi", "torque", "q", "displacement", "measured"; rates are "q_dot",
-                       ...).
-                   Absent: the change does not depend on it.
-    carried        (joint from 1, (N, c, 6)): what more than by_signal["displacement"] a parameter does that
-                   moves the whole arm from that joint on (`Effect.carries_from`)
-    """
-
-    columns: tuple[int, ...]
-    value: np.ndarray
-    by_parameters: np.ndarray
-    by_signal: Mapping[str, np.ndarray] = None
-    carried: tuple[int, np.ndarray] | None = None
-
-    def __post_init__(self) -> None:
-        if self.by_signal is None:
-            object.__setattr__(self, "by_signal", {})
-
-
-@dataclass(frozen=True)
-class OwnCurve:
-    """What an effect does by its axis's position, where a picture of the error does not show it: value and
-    standard deviation (N,), SI."""
-
-    title: str
-    unit: str
-    value: np.ndarray
-    deviation: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -118,6 +63,7 @@ class Effect(ABC):
     declared: ClassVar[bool] = False  # part of the declared model: re-identified, never a finding
     # tells of one record (a device that was pushed), not of arm or device as such
     of_record: ClassVar[bool] = False
+    of_one_session: ClassVar[bool] = False  # the rows of one alone tell of it
     by_load: ClassVar[bool] = False  # its size or side is decided by the load of a joint
     # a Gaussian prior around the declared values, as wide as they are plausible
     drawn_to_declared: ClassVar[bool] = False
@@ -363,6 +309,11 @@ class Effect(ABC):
     def moved(self, view: View) -> Effect:
         """The effect at a likelier place in the rows, seen from a fit that has it; others stay."""
         return self
+
+    def searched_between(self, view: View) -> dict[str, tuple[float, float]]:
+        """Of a parameter that was searched and not estimated: its name, and between which values it lies with
+        95 %, seen from a fit that has the effect."""
+        return {}
 
     def deviation(self, phi: np.ndarray) -> np.ndarray | None:
         """(N,) rad: standard deviation of a curve of its axis at output angles phi (N, n); None: no curve."""

@@ -13,8 +13,9 @@ Hollerbach, IEEE Trans. Robot. Autom. 7(5), 1991; Zhuang, Motaghedi, Roth, ICRA 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -165,7 +166,12 @@ class ClosurePrediction:
 
     def through(self, displacement: np.ndarray) -> np.ndarray:
         """(N, m, k): what displacements of the targets (N, 6, k) do to the numbers."""
-        return self.pictures.turned(cleared_of_pairs(self.by_target @ displacement, self.pairs))
+        return self.passage(displacement)
+
+    @property
+    def passage(self) -> Callable[[np.ndarray], np.ndarray]:
+        """`through`, without holding on to the prediction."""
+        return partial(_passed, self.by_target, self.pairs, self.pictures)
 
     def response(self, effect: Effect) -> np.ndarray:
         """(N, m, k): what the parameters of an effect that is not in the layout do to the numbers, to first
@@ -178,6 +184,11 @@ class ClosurePrediction:
         first = np.unique(self.pairs, return_index=True)[1]
         first = first[self.pairs[first] >= 0]
         return float(worth[first] @ self.used[first].sum(axis=1))
+
+
+def _passed(by_target: np.ndarray, pairs: np.ndarray, pictures: Pictures,
+            displacement: np.ndarray) -> np.ndarray:
+    return pictures.turned(cleared_of_pairs(by_target @ displacement, pairs))
 
 
 def predict_closures(

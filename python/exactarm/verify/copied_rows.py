@@ -1,9 +1,6 @@
-"""Copied rows: measured positions of one day that stand in an earlier one too, to the last digit.
-
-Two measurements of one pose with noise sigma give the same coordinate, written in steps s, with a chance of
-s / (2 sqrt(pi) sigma) or less: the density of their difference at zero. Of N x M pairs of rows, (s / (2
-sqrt(pi) sigma))^3 N M are the same by chance at most. Where more are (Poisson), they were copied. Copied rows
-are no news, and the check takes them for a day on which somebody measured.
+"""Copied rows of a check: measured positions of one day that stand in an earlier one too, to the last digit
+(data/copied_rows.py: more of them than by chance). They are no news, and the check takes them for a day on
+which somebody measured.
 """
 
 from __future__ import annotations
@@ -12,12 +9,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
 
+from exactarm.data.copied_rows import BY_CHANCE, chance_of_copies, step_of
 from exactarm.data.dataset import Dataset
-
-BY_CHANCE = 1e-6  # of a day: one false word in thousands of years
-_DIGITS = 9  # behind the point, in m: finer than any device writes
 
 
 @dataclass(frozen=True)
@@ -34,8 +28,7 @@ class CopiedRows:
 
     def chance(self, sigma: float) -> float:
         """That so many rows are the same with a noise of sigma, m."""
-        same = min(1.0, self.step / (2.0 * np.sqrt(np.pi) * sigma)) ** 3 if sigma > 0.0 else 1.0
-        return float(special.pdtrc(self.count - 1, same * self.rows * self.others))
+        return chance_of_copies(self.count, float(self.rows * self.others), self.step, sigma)
 
 
 def copied_rows(days: Sequence[tuple[str, Dataset]]) -> Iterator[CopiedRows]:
@@ -47,7 +40,7 @@ def copied_rows(days: Sequence[tuple[str, Dataset]]) -> Iterator[CopiedRows]:
         count, place = max(found, default=(0, 0))
         if count:
             of, others, _ = known[place]
-            yield CopiedRows(label, of, count, len(keys), others, _step(data))
+            yield CopiedRows(label, of, count, len(keys), others, step_of(data.position))
         known.append((label, len(keys), set(keys)))
 
 
@@ -64,13 +57,3 @@ def _keys(data: Dataset) -> list[bytes]:
     assert data.position is not None  # poses have one
     known = data.position[np.isfinite(data.position).all(axis=1)]
     return [row.tobytes() for row in known + 0.0]
-
-
-def _step(data: Dataset) -> float:
-    """m: the coarsest power of ten in which all coordinates are written."""
-    values = data.position[np.isfinite(data.position)]
-    for digits in range(_DIGITS):
-        scaled = values * 10.0**digits
-        if np.all(np.abs(scaled - np.round(scaled)) < 1e-6 * np.maximum(1.0, np.abs(scaled) * 1e-6)):
-            return 10.0**-digits
-    return 10.0**-_DIGITS

@@ -1,0 +1,64 @@
+"""What an effect is asked for: its parameters, and what they change at a station."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of an effect: name with unit, bounds, plausible magnitude (SI); `fixed` ones are not
+    estimated.
+
+    `search`: values that a non-linear parameter is tried from (periods, thresholds); empty where the
+    effect is linear in it and zero is a good start.
+    `prior`: standard deviation of a Gaussian prior around zero that regularises one of many terms; inf =
+    none.
+    """
+
+    name: str
+    plausible: float
+    lower: float = -np.inf
+    upper: float = np.inf
+    fixed: bool = False
+    search: tuple[float, ...] = ()
+    prior: float = np.inf
+
+
+@dataclass(frozen=True)
+class Change:
+    """What an effect adds to the signal at its station, on N rows.
+
+    value          (N, c) for the columns `columns` of the signal (joint stations: axis indices from 0)
+    by_parameters  (N, c, k) for the effect's k parameters, fixed ones included
+    by_signal      name of an upstream signal -> (N, c, m): its derivative with respect to that signal's m
+                   columns ("theta", "phi", "torque", "q", "displacement", "measured"; rates are "q_dot",
+                       ...).
+                   Absent: the change does not depend on it.
+    carried        (joint from 1, (N, c, 6)): what more than by_signal["displacement"] a parameter does that
+                   moves the whole arm from that joint on (`Effect.carries_from`)
+    """
+
+    columns: tuple[int, ...]
+    value: np.ndarray
+    by_parameters: np.ndarray
+    by_signal: Mapping[str, np.ndarray] = None
+    carried: tuple[int, np.ndarray] | None = None
+
+    def __post_init__(self) -> None:
+        if self.by_signal is None:
+            object.__setattr__(self, "by_signal", {})
+
+
+@dataclass(frozen=True)
+class OwnCurve:
+    """What an effect does by its axis's position, where a picture of the error does not show it: value and
+    standard deviation (N,), SI."""
+
+    title: str
+    unit: str
+    value: np.ndarray
+    deviation: np.ndarray
