@@ -127,3 +127,22 @@ def test_a_gear_of_which_hardly_a_row_has_a_rate_is_refused_in_words():
     kept = np.random.default_rng(2).random(len(data)) > 0.35
     with pytest.raises(InputError, match="rows identify in a steady motion"):
         identify_gears(robot, data.select(kept))
+
+
+def test_a_short_motion_in_a_long_rest_keeps_its_waves_and_its_angles():
+    """Its typical speed is that of the motion; rows at rest at its ends lie outside no angle that was
+    fitted."""
+    robot, _, data = case(1e-4, turns=0.1, runs=4)
+    data = replace(data, identification=data.run <= 2)
+    runs = [np.flatnonzero(data.run == run) for run in np.unique(data.run)]
+    rest = lambda rows: np.r_[np.full(600, rows[0]), rows, np.full(600, rows[-1])]
+    picked = np.concatenate([rest(rows) for rows in runs])
+    still = replace(data.select(picked), time=0.002 * np.arange(picked.size))
+    noise = np.random.default_rng(2).normal(0.0, NOISE, still.gyro.shape)
+    copied = np.concatenate([[False], picked[1:] == picked[:-1]])
+    still = replace(still, gyro=np.where(copied[:, None], noise, still.gyro))
+    short, long = identify_gears(robot, data), identify_gears(robot, still)
+    for one, other in zip(short.gears, long.gears):
+        assert other.cutoff_hz == pytest.approx(one.cutoff_hz, rel=0.2)
+        assert other.before["identification"].rms > 0.3 * one.before["identification"].rms
+    assert not any("outside the angles" in words for words in long.warnings)

@@ -35,6 +35,7 @@ from exactarm.identify.gear_error import (
     sensor_part,
 )
 from exactarm.identify.gear_orders import METHODS
+from exactarm.identify.gear_profile import fast_rows
 from exactarm.identify.gear_samples import GearSamples, gear_samples
 from exactarm.identify.sensor_tone import find_tones, without_tones
 from exactarm.identify.statistics import ErrorSummary, summarise
@@ -258,8 +259,7 @@ def _held_out(estimate: GearEstimate, errors: _Errors) -> list[HeldOut]:
 
 def _speed_of_rows(samples: GearSamples) -> np.ndarray:
     """(N,) typical speed of each row's run; runs of nearly the same speed share one number."""
-    kept = [rows[samples.keep[rows]] for rows in samples.runs]
-    own = np.array([np.median(np.abs(samples.rate[rows])) if rows.size else 0.0 for rows in kept])
+    own = np.array([samples.speed(rows) for rows in samples.runs])
     shared, out = own.copy(), np.zeros(samples.run.size)
     for k in np.argsort(own):
         close = np.abs(own - own[k]) <= _SAME_SPEED * own[k]
@@ -353,7 +353,7 @@ def _remaining(gears: list[Gear]):
     outside, loud = [], []
     for gear in gears:
         samples, profile = gear.samples, gear.estimate.profiles[gear.side]
-        held_out = samples.side(SIDES[gear.side]) & ~samples.identification
+        held_out = fast_rows(samples, samples.side(SIDES[gear.side]) & ~samples.identification)
         if not held_out.any():
             continue
         angle = samples.angle[held_out] / gear.estimate.scale
