@@ -146,3 +146,37 @@ def test_a_short_motion_in_a_long_rest_keeps_its_waves_and_its_angles():
         assert other.cutoff_hz == pytest.approx(one.cutoff_hz, rel=0.2)
         assert other.before["identification"].rms > 0.3 * one.before["identification"].rms
     assert not any("outside the angles" in words for words in long.warnings)
+
+
+def test_a_late_clock_is_taken_out_and_the_table_is_where_it_is():
+    """On a fifth of a turn low orders would take a part of the ramps, and the waves lie by the delay too late."""
+    robot, hidden, data = case(0.0, turns=0.2, runs=4)
+    gyro = data.gyro.copy()
+    for run in np.unique(data.run):
+        own = np.flatnonzero(data.run == run)
+        gyro[own] = gyro[own[np.clip(np.arange(own.size) - 4, 0, own.size - 1)]]
+    found = identify_gears(robot, replace(data, gyro=gyro))
+    assert [effect.name for effect in found.robot.effects] == ["time_delay"]
+    assert found.robot.effects[0].values[0] == pytest.approx(0.008, abs=2e-4)
+    for gear in found.gears:
+        assert gear.after["validation"].rms < 1.5 * gear.noise
+    assert identify_gears(robot, data).robot.effects == ()
+
+
+def test_an_arm_that_swings_behind_its_ramps_leaves_the_ratio_right():
+    """7 Hz, 4 % of damping, at the ends of three fifths of a turn: the ratio was wrong with certainty."""
+    robot, _, data = case(0.0, turns=0.6, runs=4)
+    gyro = data.gyro.copy()
+    for run in np.unique(data.run):
+        own = np.flatnonzero(data.run == run)
+        rate = gyro[own] - gyro[own[-20:]].mean(axis=0)
+        state, frequency = np.zeros((2, 3)), 2.0 * np.pi * 7.0
+        for row, before in zip(own[1:], np.diff(rate, axis=0)):
+            state[1] += before - 0.002 * (frequency**2 * state[0] + 0.08 * frequency * state[1])
+            state[0] += 0.002 * state[1]
+            gyro[row] -= 0.05 * state[1]
+    swung = replace(data, gyro=gyro)
+    found = identify_gears(robot, swung)
+    assert any("swings" in words for words in found.warnings)
+    assert abs(deviation(robot, swung)) < 3.0
+    assert not any("swings" in words for words in identify_gears(robot, data).warnings)
