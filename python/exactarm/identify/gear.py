@@ -153,8 +153,8 @@ def identify_gears(
         delay = robot.effects[-1].values[0]
         way = "behind" if delay > 0.0 else "ahead of"
         warnings.append(
-            f"the gyroscope's clock is about {1e3 * abs(delay):.3g} ms {way} the motor's: that was taken out, "
-            "and stands in the robot file (time_delay) for logs by the same devices"
+            f"the gyroscope's clock is about {1e3 * abs(delay):.3g} ms {way} the motor's: it was taken "
+            "out, and stands in the robot file (time_delay) for logs by the same devices"
         )
     intervals = dict(result.intervals)
     for gear in gears:
