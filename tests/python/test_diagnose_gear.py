@@ -93,6 +93,21 @@ def test_runs_of_another_axis_do_not_hide_what_one_gear_does(racer):
     assert [(f.effect.name, f.effect.joint) for f in result.findings] == [("gear_harmonics", 2)]
 
 
+@pytest.mark.slow
+def test_a_wave_of_another_size_each_way_is_found_in_two_speeds(racer):
+    """Of one way's wave alone the other way's runs know nothing, and there are six of them in all."""
+    wave = lambda time, phi, direction: (2e-5 if direction > 0.0 else 6e-5) * np.sin(160.0 * phi)
+    joint = racer.joints[1]
+    margin = 0.5 * (joint.q_max - joint.q_min - 40.0 * DEGREE)
+    parts = [simulate(racer, GearRuns(2, speed * DEGREE, 4, RATE_HZ, NOISE, margin=margin, seed=k,
+                                      first_run=10 * k), rest=np.zeros(6), extra=wave)
+             for k, speed in ((1, 10.0), (2, 15.0))]
+    result = diagnose(racer, joined(*parts))
+    assert {(f.effect.name, f.effect.joint) for f in result.findings} == {("gear_harmonics", 2),
+                                                                         ("direction_dependence", 2)}
+    assert result.verdict == EXPLAINED and result.after["validation"].rms < 1.05 * NOISE
+
+
 def test_gear_that_was_found_to_be_even_is_no_obstacle(racer):
     """`exactarm gear` writes an empty table where no order stands out of the noise."""
     even = GearTable(np.zeros(0), np.zeros(0), np.zeros(0))

@@ -127,3 +127,58 @@ def test_a_gear_of_which_hardly_a_row_has_a_rate_is_refused_in_words():
     kept = np.random.default_rng(2).random(len(data)) > 0.35
     with pytest.raises(InputError, match="rows identify in a steady motion"):
         identify_gears(robot, data.select(kept))
+
+
+def test_a_short_motion_in_a_long_rest_keeps_its_waves_and_its_angles():
+    """Its typical speed is that of the motion; rows at rest at its ends lie outside no angle that was
+    fitted."""
+    robot, _, data = case(1e-4, turns=0.1, runs=4)
+    data = replace(data, identification=data.run <= 2)
+    runs = [np.flatnonzero(data.run == run) for run in np.unique(data.run)]
+    rest = lambda rows: np.r_[np.full(600, rows[0]), rows, np.full(600, rows[-1])]
+    picked = np.concatenate([rest(rows) for rows in runs])
+    still = replace(data.select(picked), time=0.002 * np.arange(picked.size))
+    noise = np.random.default_rng(2).normal(0.0, NOISE, still.gyro.shape)
+    copied = np.concatenate([[False], picked[1:] == picked[:-1]])
+    still = replace(still, gyro=np.where(copied[:, None], noise, still.gyro))
+    short, long = identify_gears(robot, data), identify_gears(robot, still)
+    for one, other in zip(short.gears, long.gears):
+        assert other.cutoff_hz == pytest.approx(one.cutoff_hz, rel=0.2)
+        assert other.before["identification"].rms > 0.3 * one.before["identification"].rms
+    assert not any("outside the angles" in words for words in long.warnings)
+
+
+def test_a_late_clock_is_taken_out_and_the_table_is_where_it_is():
+    """On a fifth of a turn low orders would take a part of the ramps, and the waves lie late."""
+    robot, hidden, data = case(0.0, turns=0.2, runs=4)
+    gyro = data.gyro.copy()
+    for run in np.unique(data.run):
+        own = np.flatnonzero(data.run == run)
+        gyro[own] = gyro[own[np.clip(np.arange(own.size) - 4, 0, own.size - 1)]]
+    found = identify_gears(robot, replace(data, gyro=gyro))
+    assert [effect.name for effect in found.robot.effects] == ["time_delay"]
+    assert found.robot.effects[0].values[0] == pytest.approx(0.008, abs=2e-4)
+    for gear in found.gears:
+        assert gear.after["validation"].rms < 1.5 * gear.noise
+    assert identify_gears(robot, data).robot.effects == ()
+
+
+def test_an_arm_that_swings_behind_its_ramps_does_not_hide_the_gear():
+    """7 Hz, 4 % of damping, at the ends of three fifths of a turn: no order stood out beside it."""
+    robot, _, data = case(0.0, turns=0.6, runs=4)
+    gyro = data.gyro.copy()
+    for run in np.unique(data.run):
+        own = np.flatnonzero(data.run == run)
+        rate = gyro[own] - gyro[own[-20:]].mean(axis=0)
+        state, frequency = np.zeros((2, 3)), 2.0 * np.pi * 7.0
+        for row, before in zip(own[1:], np.diff(rate, axis=0)):
+            state[1] += before - 0.002 * (frequency**2 * state[0] + 0.08 * frequency * state[1])
+            state[0] += 0.002 * state[1]
+            gyro[row] -= 0.05 * state[1]
+    swung = replace(data, gyro=gyro)
+    found = identify_gears(robot, swung)
+    assert any("swings" in words for words in found.warnings)
+    assert all(gear.rest["validation"].rms < 1.5 * gear.noise for gear in found.gears)
+    assert np.min(np.abs(found.gears[0].table.order - RATIO)) < 0.5
+    assert abs(deviation(robot, swung)) < 3.0
+    assert not any("swings" in words for words in identify_gears(robot, data).warnings)

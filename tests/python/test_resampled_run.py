@@ -52,6 +52,23 @@ def test_link_encoders_keep_the_wave_and_lose_rows_and_noise(robot):
     assert np.std(left) < 0.6 * NOISE_RAD  # 96 of 500 Hz are left of it
 
 
+def test_the_overtone_of_a_wave_generator_passes_whole_at_every_speed(robot):
+    """Four waves a motor revolution: what the low-pass took of them would look like a matter of speed."""
+    time = np.arange(0.0, 4.0, 1.0 / 2000.0)
+    speed = 2.0 * np.pi * 25.0 / abs(robot.ratios[0])
+    phi = np.outer(speed * time, np.eye(6)[0])
+    wave = np.cos(4.0 * robot.ratios[0] * phi[:, 0])
+    q = np.where(np.arange(6) == 0, phi + WAVE_RAD * wave[:, None], np.nan)
+    data = Dataset.of_arrays("gear_run", {"theta": phi * robot.ratios, "q": q}, time=time,
+                             run=np.ones(time.size, int))
+    resampled, record = resampled_run(robot, data, gear_record(robot, data))
+    assert len(resampled) < len(data)
+    inside = slice(50, -50)
+    angle = record.theta[inside, 0]
+    error = resampled.joints["q"][inside, 0] - angle / robot.ratios[0]
+    assert 2.0 * np.mean(error * np.cos(4.0 * angle)) == pytest.approx(WAVE_RAD, rel=0.02)
+
+
 def test_slow_records_stay_as_they_are(robot):
     data = between_encoders(robot).select(np.arange(0, int(SECONDS * RATE_HZ), 5))
     record = gear_record(robot, data)

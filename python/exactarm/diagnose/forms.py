@@ -23,6 +23,15 @@ def same_family(one: Effect, other: Effect) -> bool:
     return bool(one.family) and one.family == other.family and one.joint == other.joint
 
 
+def parts_of_one_wave(first: Candidate, second: Candidate, least: float) -> bool:
+    """Whether both were searched on one axis, by different laws, and the second is asked for beside the
+    first: a wave that differs with the direction has a common half and one that changes its sign, and either
+    alone is wrong in some runs."""
+    one, other = first.effect, second.effect
+    searched = all(any(p.search for p in effect.parameters()) for effect in (one, other))
+    return searched and one.joint == other.joint and one.name != other.name and second.evidence >= least
+
+
 def forms_of(without: Fitted, effect: Effect, field: list[Effect], count: float,
              least: float) -> dict[tuple, Candidate]:
     """The forms of `effect` among `field` by name and number of free parameters, each at its best point."""

@@ -1,9 +1,10 @@
 """Gear runs at the sampling rate that their content needs.
 
-The gears of a run show up to twice the motor's rate of turn (or their highest declared order); beyond, a
-sensor adds noise only. Reading and motor angle pass the same acausal low-pass (Butterworth, eighth order,
-forwards and backwards), flat below, and every k-th sample is taken: a search over hundreds of candidates then
-costs 1 / k. The angles of link encoders are treated as the gyroscope's reading is.
+The gears of a run show up to four times the motor's rate of turn (the overtone of a wave generator) or
+their highest declared order; beyond, a sensor adds noise only. Reading and motor angle pass the same acausal
+low-pass (Butterworth, eighth order, forwards and backwards), flat below, and every k-th sample is taken: a
+search over hundreds of candidates then costs 1 / k. The angles of link encoders are treated as the
+gyroscope's reading is.
 
 Past its ends a run goes on as its own point reflection until the low-pass has died out, so that one which is
 cut in motion goes on moving. The reflection turns about a noisy sample: what it reaches is left out. So it is
@@ -23,13 +24,14 @@ from exactarm.data.dataset import Dataset
 from exactarm.numerics.signals import derivative, typical_step
 from exactarm.robot.robot import Robot
 
-_MOTOR_ORDERS, _LEAST_HZ = 2.5, 80.0
+# the low-pass takes 1 % of what lies at 0.75 of its cutoff: of four per motor revolution
+_MOTOR_ORDERS, _LEAST_HZ = 5.3, 80.0
 _ROWS_PER_PERIOD = 2.6  # of the low-pass; 2 would be its Nyquist rate
 _ORDER = 8
 # the low-pass carries what is not defined so far into its neighbours, over the ends of a run too
 _REACH_PERIODS = 1.0
-# its slowest pole falls by exp(-2 pi sin(pi / 16)) = 0.29 a period: to 4e-7 of a ramp's slope in these
-_FADED_PERIODS = 12.0
+# its slowest pole falls by exp(-2 pi sin(pi / 16)) = 0.29 a period: to 3e-8 of a ramp's slope in these
+_FADED_PERIODS = 14.0
 _SEEN_AS_GAP = 1.5  # of the resampled rows: a shorter gap is none among them, and is filled
 _LEAST_KEPT = 0.5  # of the rows: among many gaps the run stays as it is
 

@@ -19,7 +19,7 @@ from exactarm.diagnose.bagging import bagged_contest
 from exactarm.diagnose.cluster_robust import robust_evidence
 from exactarm.diagnose.cross_validation import CrossValidation, folds_of
 from exactarm.diagnose.fitted import Fitted, rows_kept
-from exactarm.diagnose.forms import best_form, forms_of, same_family
+from exactarm.diagnose.forms import best_form, forms_of, parts_of_one_wave, same_family
 from exactarm.diagnose.gear_curves import with_curves
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import Candidate, free_mask, linear_columns, probability, same_cause, scan
@@ -209,16 +209,17 @@ def _worthy_form(problem, fitted, candidate: Candidate, parted) -> Candidate | N
 
 
 def _best_pair(problem, declared, chosen, fitted, shortlist: list[Candidate], parted):
-    """Two candidates that hide each other: neither is worth its place alone, both together are; else None."""
-    count = count_of(problem, fitted)
+    """Two candidates that hide each other, or are parts of one wave: neither is worth its place alone, both
+    together are; else None."""
+    count, pairs = count_of(problem, fitted), []
     linear = [c for c in shortlist if not c.effect.excludes_rows()][:_PAIRED]
-    pairs = []
     for place, first in enumerate(linear):
         beside = fitted.beside(linear_columns(fitted, first.effect))
         for alone in linear[place + 1 :]:
             # Another search beside the first may end at another order and label: it is the same candidate.
             for second in scan(beside, [emptied(alone.effect)], count):
-                if second.gain > _HIDDEN_GAIN * (first.gain + alone.gain):
+                hidden = second.gain > _HIDDEN_GAIN * (first.gain + alone.gain)
+                if hidden or parts_of_one_wave(first, second, LEAST_EVIDENCE):
                     pairs.append((first.gain + second.gain, first.effect, second.effect))
     for gain, *effects in sorted(pairs, key=lambda pair: -pair[0]):
         if is_worth(problem, fitted, effects, parted):

@@ -167,10 +167,14 @@ def _of_gyroscope(robot: Robot, data: Dataset) -> list[Suspicion]:
         time, angle, gyro = between_gaps(data.time[rows], theta[rows, axis] / robot.ratios[axis],
                                          data.gyro[rows])
         rate = np.gradient(_smooth(angle), time)
-        reading = _smooth(np.linalg.norm(gyro, axis=1))
-        along = np.linalg.norm(gyro.T @ rate)
-        slopes.setdefault(axis, []).append(float(along / max(rate @ rate, 1e-300)))
-        late = lags(time, np.abs(rate), reading)
+        along = gyro.T @ rate
+        size = max(float(np.linalg.norm(along)), 1e-300)
+        slopes.setdefault(axis, []).append(size / max(float(rate @ rate), 1e-300))
+        reading = _smooth(gyro @ (along / size))
+        # A bias would look like a clock, late where the rate rises and early where it falls. Mean and scatter
+        # tell it whatever the lag is.
+        bias = reading.mean() - reading.std() / max(rate.std(), 1e-300) * rate.mean()
+        late = lags(time, rate, reading - bias)
         found += clock_suspicions(late, f"run {data.run[rows[0]]}", "the gyroscope", MUCH_LAG_S)
     shares = {axis: float(np.median(values)) for axis, values in slopes.items() if np.median(values) > 0.0}
     odd = odd_gear_runs(data, runs, GYRO_TOLERANCE, _reading)

@@ -12,9 +12,7 @@ Both methods of finding orders are run and compared; the chosen one goes into th
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -24,18 +22,16 @@ from exactarm.data.dataset import Dataset
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.effects.gyro_alignment import tilt
 from exactarm.errors import ComputationError, InputError
-from exactarm.identify.gear_axis import GearEstimate, first_look, identify_axis
+from exactarm.identify.gear_axis import GearEstimate
 from exactarm.identify.gear_declared import SIDES, measured_axes
 from exactarm.identify.gear_error import (
     cutoff_hz,
-    kinematic_error,
-    lag_in_error,
-    motor_by_tables,
-    noise_of_error,
     sensor_part,
 )
+from exactarm.identify.gear_found import Errors, find_gear
 from exactarm.identify.gear_orders import METHODS
-from exactarm.identify.gear_samples import GearSamples, gear_samples
+from exactarm.identify.gear_profile import fast_rows
+from exactarm.identify.gear_samples import GearSamples
 from exactarm.identify.sensor_tone import find_tones, without_tones
 from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.progress import SILENT, Progress
@@ -44,7 +40,6 @@ from exactarm.robot.robot import GearTable, Robot
 FITTING = "gears and their harmonics"  # a step as it is told
 _MUCH_OUTSIDE, _FAR_ABOVE = 0.2, 2.0  # share of validation rows; times the noise
 _CERTAIN = 3.0  # standard deviations: one warning in 370 without a cause
-_MUCH_OF_ERROR = 0.2  # of its square sum
 _SAME_SPEED = 0.1  # runs whose speeds differ by less than this share count as one speed
 
 
@@ -129,35 +124,38 @@ def identify_gears(
     tones = find_tones(data.select(identification))
     data = without_tones(data, tones)
     record = gear_record(robot, data)
-    result, gears, held_out, alignments = robot, [], [], []
+    given, result, gears, held_out, alignments = robot, robot, [], [], []
     warnings = [*_left_out(data, record), *map(str, tones)]
     axes = measured_axes(record)
     progress.stage(FITTING, total=len(axes))
     for place, axis in enumerate(axes):
         progress.step(min(place, 1), note=f"gear {axis + 1}")
-        samples, setup = gear_samples(robot, data, record, axis, identification, threads)
-        first = first_look(samples)
-        if first is None:
-            used = int(np.sum(samples.identification & samples.keep))
+        robot, found = find_gear(robot, data, record, axis, identification, method, threads)
+        if found is None:
+            rows = np.ones(len(data), bool) if record.encoder_axes else record.sensor_axis == axis
+            used = int(np.sum(rows & identification & record.keep))
             warnings.append(
-                f"axis {axis + 1}: only {used} of its {samples.run.size} rows identify in a steady motion "
+                f"axis {axis + 1}: only {used} of its {rows.sum()} rows identify in a steady motion "
                 "along a range of the axis, expected some hundreds: its gear is left as declared"
             )
             continue
-        with ThreadPoolExecutor(max_workers=max(1, min(threads, len(METHODS)))) as pool:
-            estimates = dict(zip(METHODS, pool.map(partial(identify_axis, samples, first=first), METHODS)))
-        chosen = estimates[method]
-        new = _with_tables(result, axis, chosen)
-        errors = _errors(robot, estimates, method)
+        chosen, errors, samples = found.chosen, found.errors, found.samples
+        result = _with_tables(replace(result, effects=robot.effects), axis, chosen)
         gears += [_gear(chosen, side, errors) for side in chosen.tables]
         held_out += _held_out(chosen, errors)
-        alignments += _alignments(data, samples, setup)
-        warnings += [*_warnings(chosen), *_late(samples, errors.unfiltered)]
-        result = new
+        alignments += _alignments(data, samples, found.setup)
+        warnings += [*_warnings(chosen), *found.said]
     if not gears:
         missing = "no axis moves far enough in one direction; expected gear runs over a range of its axis"
         raise InputError(warnings[-1] if axes else missing, file=data.first_file)
     warnings += _remaining(gears)
+    if robot.effects != given.effects:
+        delay = robot.effects[-1].values[0]
+        way = "behind" if delay > 0.0 else "ahead of"
+        warnings.append(
+            f"the gyroscope's clock is about {1e3 * abs(delay):.3g} ms {way} the motor's: it was taken "
+            "out, and stands in the robot file (time_delay) for logs by the same devices"
+        )
     intervals = dict(result.intervals)
     for gear in gears:
         intervals[f"ratio_{gear.joint}"] = _interval(gear.estimate.ratio, gear.estimate.ratio_sigma)
@@ -184,45 +182,7 @@ def _with_tables(robot: Robot, axis: int, estimate: GearEstimate) -> Robot:
     return robot.with_joint(axis, ratio=estimate.ratio, controller_ratio=controller, **tables)
 
 
-@dataclass(frozen=True)
-class _Errors:
-    """Kinematic errors (N,) of one axis: constant ratio, each method's tables, the robot file's own, the
-    chosen tables with all that stands beside the gear taken out, that of the chosen before any filter; noise
-    of the chosen.
-    """
-
-    before: np.ndarray
-    after: dict[str, np.ndarray]
-    declared: np.ndarray
-    rest: np.ndarray
-    unfiltered: np.ndarray
-    noise: float
-
-
-def _errors(robot: Robot, estimates: dict[str, GearEstimate], method: str) -> _Errors:
-    chosen = estimates[method]
-    samples, joint = chosen.samples, robot.joints[chosen.samples.axis]
-    sensor = sensor_part(samples, chosen.disturbance)
-    tables = lambda estimate: {side: estimate.gear_table(side) for side in estimate.tables}
-    own = {side: getattr(joint, side) or joint.cw or joint.ccw for side in SIDES}
-    error = lambda model, disturbance=sensor, **how: kinematic_error(samples, model, disturbance, **how)
-    models = {name: motor_by_tables(samples, each.scale, tables(each)) for name, each in estimates.items()}
-    after = {name: error(models[name], sensor_part(samples, each.disturbance))
-             for name, each in estimates.items()}
-    unfiltered = error(models[method], filtered=False)
-    return _Errors(
-        error(samples.motor / chosen.scale),
-        after,
-        error(motor_by_tables(samples, 1.0,
-                              {side: table for side, table in own.items() if table is not None})),
-        after[method] if np.array_equal(sensor, chosen.disturbance)
-        else error(models[method], chosen.disturbance),
-        unfiltered,
-        noise_of_error(samples, unfiltered),
-    )
-
-
-def _gear(estimate: GearEstimate, side: str, errors: _Errors) -> Gear:
+def _gear(estimate: GearEstimate, side: str, errors: Errors) -> Gear:
     samples, after = estimate.samples, errors.after[estimate.method]
     rows = samples.side(SIDES[side])
     sets = {"identification": rows & samples.identification, "validation": rows & ~samples.identification}
@@ -239,7 +199,7 @@ def _cutoff(samples: GearSamples) -> float:
     return float(np.median([cutoff_hz(samples, rows) for rows in samples.runs]))
 
 
-def _held_out(estimate: GearEstimate, errors: _Errors) -> list[HeldOut]:
+def _held_out(estimate: GearEstimate, errors: Errors) -> list[HeldOut]:
     """The comparison of the methods, by direction, set and speed."""
     samples = estimate.samples
     speeds = _speed_of_rows(samples)
@@ -258,8 +218,7 @@ def _held_out(estimate: GearEstimate, errors: _Errors) -> list[HeldOut]:
 
 def _speed_of_rows(samples: GearSamples) -> np.ndarray:
     """(N,) typical speed of each row's run; runs of nearly the same speed share one number."""
-    kept = [rows[samples.keep[rows]] for rows in samples.runs]
-    own = np.array([np.median(np.abs(samples.rate[rows])) if rows.size else 0.0 for rows in kept])
+    own = np.array([samples.speed(rows) for rows in samples.runs])
     shared, out = own.copy(), np.zeros(samples.run.size)
     for k in np.argsort(own):
         close = np.abs(own - own[k]) <= _SAME_SPEED * own[k]
@@ -320,20 +279,6 @@ def _warnings(estimate: GearEstimate):
         yield f"axis {joint}: no order stands out of the noise"
 
 
-def _late(samples: GearSamples, error: np.ndarray) -> Iterator[str]:
-    """A gyroscope whose clock is not the motor's; the error is not corrected by it."""
-    if not samples.rated:
-        return
-    lag, sigma, share = lag_in_error(samples, error)
-    if abs(lag) > _CERTAIN * sigma and share > _MUCH_OF_ERROR:
-        way = "behind" if lag > 0.0 else "ahead of"
-        yield (
-            f"axis {samples.axis + 1}: {100.0 * share:.0f} % of what is left follows the acceleration, as of "
-            f"a gyroscope about {1e3 * abs(lag):.2g} ms {way} the motor: its waves are shifted by that, and "
-            "so are the tables; log both by one clock, or declare a time_delay (`exactarm diagnose` finds it)"
-        )
-
-
 def _left_out(data: Dataset, record) -> Iterator[str]:
     """Axes that the file has but the runs do not move: nothing is left out without a word."""
     given = np.flatnonzero(~np.isnan(data.joints["theta"][0]))
@@ -353,7 +298,7 @@ def _remaining(gears: list[Gear]):
     outside, loud = [], []
     for gear in gears:
         samples, profile = gear.samples, gear.estimate.profiles[gear.side]
-        held_out = samples.side(SIDES[gear.side]) & ~samples.identification
+        held_out = fast_rows(samples, samples.side(SIDES[gear.side]) & ~samples.identification)
         if not held_out.any():
             continue
         angle = samples.angle[held_out] / gear.estimate.scale

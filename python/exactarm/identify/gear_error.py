@@ -24,9 +24,7 @@ _NOISE_SHARE = 1.0645  # equivalent noise bandwidth of the filter over its cutof
 def cutoff_hz(samples: GearSamples, rows: np.ndarray) -> float:
     """-3 dB frequency for the kinematic error of one run; Table A.4 has 2.3, 1.5 and 4.9 motor
     revolutions."""
-    kept = rows[samples.keep[rows]]
-    speed = float(np.median(np.abs(samples.rate[kept]))) if kept.size else 0.0
-    motor_hz = abs(samples.ratio) * speed / (2.0 * np.pi)
+    motor_hz = abs(samples.ratio) * samples.speed(rows) / (2.0 * np.pi)
     return float(min(CUTOFF_PER_MOTOR_REV * max(motor_hz, 1e-3),
                      _HIGHEST_SHARE / typical_step(samples.time[rows])))
 

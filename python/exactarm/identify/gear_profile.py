@@ -15,10 +15,10 @@ import numpy as np
 from scipy.special import gammaincc
 
 from exactarm import _core
+from exactarm.identify.gear_samples import LEAST_SPEED_SHARE
 from exactarm.numerics.signals import zoom
 
 _CELL_PHASE_RAD = 0.25  # of the highest order
-_LEAST_SPEED_SHARE = 0.3  # slower samples carry little and may stick
 FALSE_ALARM = 1e-3
 
 
@@ -104,7 +104,7 @@ def fast_rows(samples, chosen: np.ndarray) -> np.ndarray:
     if not samples.rated:
         return chosen
     speed = np.abs(samples.rate)
-    return chosen & (speed > _LEAST_SPEED_SHARE * np.max(speed[samples.keep], initial=0.0))
+    return chosen & (speed > LEAST_SPEED_SHARE * np.max(speed[samples.keep], initial=0.0))
 
 
 def highest_order(samples) -> float:

@@ -25,6 +25,7 @@ from exactarm.numerics.signals import typical_step
 from exactarm.robot.robot import Robot
 from exactarm.station import Station
 
+LEAST_SPEED_SHARE = 0.3  # slower samples carry little and may stick
 _MOST_ROWS = 10000
 _LONGEST_STEP_S = 0.02
 
@@ -71,9 +72,12 @@ class GearSamples:
         """(N,) the rows that count in one direction."""
         return self.keep & (self.direction == way)
 
-    def speed(self) -> float:
-        """Typical speed at the output, rad/s."""
-        return float(np.median(np.abs(self.rate[self.keep]))) if self.keep.any() else 0.0
+    def speed(self, rows: np.ndarray | slice = slice(None)) -> float:
+        """Typical speed at the output, rad/s, where the axis moves at all in those of the rows that count: a
+        short motion may rest for most of its run."""
+        speeds = np.abs(self.rate[rows][self.keep[rows]])
+        moving = speeds > LEAST_SPEED_SHARE * np.max(speeds, initial=0.0)
+        return float(np.median(speeds[moving])) if moving.any() else 0.0
 
 
 def gear_samples(
