@@ -155,6 +155,9 @@ def _causes(problem: Problem, declared: Layout, progress: Progress) -> Causes | 
     while idle := _idle(fits[-1], declared):  # what the causes of later rounds have taken over
         chosen, places = ([one for k, one in enumerate(each) if k not in idle] for each in (chosen, places))
         fits[-1] = refit(problem, declared, chosen, fits[-1], noise) if chosen else first
+    if chosen != (fuller := [effect.with_all_terms() for effect in chosen]):
+        fits[-1] = refit(problem, declared, fuller, fits[-1], noise)
+        chosen = [*fits[-1].layout.effects[len(declared.effects) :]]
     wrong = _wrong_rows(problem, declared, chosen, fits[-1], noise)
     if wrong is not None:
         place, fit = wrong

@@ -306,6 +306,11 @@ class Effect(ABC):
         """The same with priors as wide as its free terms, with their covariance (k, k), have come out."""
         return self
 
+    def with_all_terms(self) -> Effect:
+        """The effect with what its simplest form leaves out, under priors: its intervals then hold whichever
+        form is the true one; others stay."""
+        return self
+
     def moved(self, view: View) -> Effect:
         """The effect at a likelier place in the rows, seen from a fit that has it; others stay."""
         return self

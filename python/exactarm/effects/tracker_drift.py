@@ -18,6 +18,8 @@ from exactarm.data.kinds import WITH_TARGET
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.slow_driver import ROW, TIME, quickness, slow_signal, unit
 
+_TURN = 3e-5  # rad an hour or a row, plausible
+
 
 @dataclass(frozen=True)
 class TrackerDrift(Effect):
@@ -25,6 +27,7 @@ class TrackerDrift(Effect):
 
     driver: str = TIME
     turn: bool = False
+    drawn: bool = False  # the rotation, to zero
 
     name: ClassVar[str] = "tracker_drift"
     plain: ClassVar[str] = "a tracker that drifts"
@@ -36,9 +39,13 @@ class TrackerDrift(Effect):
 
     def parameters(self) -> tuple[Parameter, ...]:
         shift = tuple(Parameter(f"{axis}_m_per_{unit(self.driver)}", 1e-4) for axis in "xyz")
-        turn = tuple(Parameter(f"turn_{axis}_rad_per_{unit(self.driver)}", 3e-5, fixed=not self.turn)
-                     for axis in "xyz")
+        turn = tuple(Parameter(f"turn_{axis}_rad_per_{unit(self.driver)}", _TURN, fixed=not self.turn,
+                               prior=_TURN if self.drawn else np.inf) for axis in "xyz")
         return (*shift, *turn)
+
+    def with_all_terms(self) -> Effect:
+        """A tripod that settles tilts: the shift, told at the device's origin, hangs on it."""
+        return self if self.turn else replace(self, turn=True, drawn=True)
 
     def describe(self) -> str:
         size, turn = (1e6 * float(np.linalg.norm(part)) for part in (self.values[:3], self.values[3:]))

@@ -22,9 +22,10 @@ from exactarm.effects.tracker_drift import moved_device
 @dataclass(frozen=True)
 class TrackerStep(StepInOrder):
     """Shift of the device in its own axes, with `turn` its rotation too; of one `session`, after `at` on
-    `driver`."""
+    `driver`. drawn: the rotation is drawn to zero."""
 
     turn: bool = False
+    drawn: bool = False
 
     name: ClassVar[str] = "tracker_step"
     plain: ClassVar[str] = "a tracker that was pushed"
@@ -34,7 +35,11 @@ class TrackerStep(StepInOrder):
     source: ClassVar[str] = "ISO 10360-10 (stability of laser trackers)"
 
     def sizes(self) -> tuple[Parameter, ...]:
-        return shift_and_turn(3e-4, 1e-4, self.turn)
+        return shift_and_turn(3e-4, 1e-4, self.turn, self.drawn)
+
+    def with_all_terms(self) -> Effect:
+        """A tripod that is pushed turns, too: the shift, told at the device's origin, hangs on it."""
+        return self if self.turn else replace(self, turn=True, drawn=True)
 
     def describe(self) -> str:
         return f"the measuring device jumps by {size_in_words(self.values[1:], self.turn)} after {self.where}"
@@ -67,10 +72,12 @@ class TrackerStep(StepInOrder):
                     yield replace(step, values=(tried[0],) + (0.0,) * 6, turn=turn, search=tried)
 
 
-def shift_and_turn(shift: float, turn: float, turns: bool) -> tuple[Parameter, ...]:
-    """Parameters of a body that moved: `shift` m and `turn` rad are plausible; held unless it `turns`."""
+def shift_and_turn(shift: float, turn: float, turns: bool, drawn: bool = False) -> tuple[Parameter, ...]:
+    """Parameters of a body that moved: `shift` m and `turn` rad are plausible; no turn unless it `turns`;
+    drawn: to zero, as far as is plausible."""
+    prior = turn if drawn else np.inf
     return (*(Parameter(f"{axis}_m", shift) for axis in "xyz"),
-            *(Parameter(f"turn_{axis}_rad", turn, fixed=not turns) for axis in "xyz"))
+            *(Parameter(f"turn_{axis}_rad", turn, fixed=not turns, prior=prior) for axis in "xyz"))
 
 
 def size_in_words(values, turns: bool) -> str:
