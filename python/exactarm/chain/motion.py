@@ -27,7 +27,7 @@ from exactarm.chain.propagate import pass_station, pass_tangents
 from exactarm.chain.spring_response import SpringResponse
 from exactarm.data.kinds import MOTION, Device
 from exactarm.effects.base import Effect, Station
-from exactarm.effects.drive import smooth_sign
+from exactarm.effects.drive import over_samples, smooth_sign
 from exactarm.robot.robot import Robot
 from exactarm.view import View
 
@@ -52,7 +52,24 @@ class MotionView(View):
 
     @property
     def sign_width(self) -> np.ndarray:
-        return self.evaluated[2].sign_width
+        return self.evaluated[2].dry.width
+
+    def dry_samples(self, index: int) -> tuple[np.ndarray, np.ndarray] | None:
+        record = self.evaluated[2]
+        samples = record.samples
+        if samples is None:
+            return None
+        angle, rate = samples.angle[:, index], samples.rate[:, index]
+        if np.any(moved := (self.theta - record.theta)[:, index]):
+            ratio = self.robot.controller_ratios[index]
+            faster = (self.signals["theta_dot"] - record.theta_dot)[:, index]
+            angle, rate = (own + samples.spread(change, record.runs) / ratio
+                           for own, change in ((angle, moved), (rate, faster)))
+        return record.dry.sign(index, rate, angle, samples.runs), rate
+
+    def gathered(self, values: np.ndarray) -> np.ndarray:
+        samples = self.evaluated[2].samples
+        return values if samples is None else samples.gathered(values)
 
     @property
     def swing(self) -> np.ndarray:
@@ -265,12 +282,14 @@ def _taken_by_drives(view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     and theta_ddot (n,)."""
     nominal = view.robot.controller_ratios
     rate = view.signals["theta_dot"] / nominal
-    sign, sign_slope = smooth_sign(rate, view.sign_width, view.swing)
+    sign_slope = smooth_sign(rate, view.sign_width, view.swing)[1]
     coulomb, viscous, rotor = (
         np.array([getattr(joint, name) or 0.0 for joint in view.robot.joints])
         for name in ("coulomb", "viscous", "rotor_inertia")
     )
-    taken = rotor * nominal * view.signals["theta_ddot"] + coulomb * sign + viscous * rate
+    taken = rotor * nominal * view.signals["theta_ddot"] + viscous * rate
+    for index in np.flatnonzero(coulomb):
+        taken[:, index] += coulomb[index] * over_samples(view, index)
     return taken, (coulomb * sign_slope + viscous) / nominal, rotor * nominal
 
 

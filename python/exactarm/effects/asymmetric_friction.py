@@ -32,7 +32,8 @@ class AsymmetricFriction(DriveEffect):
         coulomb, viscous = self.values
         rate = self.rate(view)
         sign, slope = self.sign(view)
-        moving, onset = smooth_square(rate, view.sign_width[self.index], view.swing[:, self.index])
+        onset = smooth_square(rate, view.sign_width[self.index], view.swing[:, self.index])[1]
+        moving = self.over_samples(view, lambda sign, rate: sign**2)
         magnitude = rate * sign  # |rate| without the kink
         by_rate = coulomb * onset + viscous * (sign + rate * slope)
         return self.torque_change(view, [moving, magnitude], rate=by_rate)

@@ -8,7 +8,7 @@ rest being in no defined state of friction.
 from __future__ import annotations
 
 from abc import ABC
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -17,6 +17,8 @@ import numpy as np
 from exactarm.data.kinds import MOTION
 from exactarm.effects.base import Change, Effect, Station
 from exactarm.view import SIGN_WIDTH_RAD_S
+
+Law = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 _LEAST_SWING = 1e-3  # of the width
 
@@ -32,6 +34,16 @@ def smooth_sign(rate: np.ndarray, width=SIGN_WIDTH_RAD_S, swing=0.0) -> tuple[np
     high, low = (rate + swing) / width, (rate - swing) / width
     mean = width / (2.0 * swing) * (_log_cosh(high) - _log_cosh(low))
     return mean, (np.tanh(high) - np.tanh(low)) / (2.0 * swing)
+
+
+def over_samples(view, index: int, law: Law = lambda sign, rate: sign) -> np.ndarray:
+    """(N,) of a law of friction of one axis (from 0), a function of its sign and its rate on the output side:
+    mean over the samples of the log that a row stands for."""
+    samples = view.dry_samples(index)
+    if samples is not None:
+        return view.gathered(law(*samples))
+    rate = view.signals["theta_dot"][:, index] / view.robot.controller_ratios[index]
+    return law(smooth_sign(rate, view.sign_width[index], view.swing[:, index])[0], rate)
 
 
 def smooth_square(rate: np.ndarray, width=SIGN_WIDTH_RAD_S, swing=0.0) -> tuple[np.ndarray, np.ndarray]:
@@ -62,7 +74,11 @@ class DriveEffect(Effect, ABC):
 
     def sign(self, view) -> tuple[np.ndarray, np.ndarray]:
         """Smooth sign (N,) of the rate and its slope."""
-        return smooth_sign(self.rate(view), view.sign_width[self.index], view.swing[:, self.index])
+        slope = smooth_sign(self.rate(view), view.sign_width[self.index], view.swing[:, self.index])[1]
+        return self.over_samples(view), slope
+
+    def over_samples(self, view, *law) -> np.ndarray:
+        return over_samples(view, self.index, *law)
 
     def torque_change(self, view, columns: list[np.ndarray], **slopes: np.ndarray) -> Change:
         """Change of a torque that is linear in its parameters: columns (N,) each, and slopes (N,) by this

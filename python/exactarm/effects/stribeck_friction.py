@@ -38,10 +38,12 @@ class StribeckFriction(DriveEffect):
         rate = self.rate(view)
         sign, slope = self.sign(view)
         fade = np.exp(-((rate / velocity) ** 2))
-        by_velocity = breakaway * sign * fade * 2.0 * rate**2 / velocity**3
+        low = self.over_samples(view, lambda sign, rate: sign * np.exp(-((rate / velocity) ** 2)))
+        falls = self.over_samples(view, lambda sign, rate: sign * rate**2 * np.exp(-((rate / velocity) ** 2)))
+        by_velocity = breakaway * 2.0 * falls / velocity**3
         by_rate = breakaway * fade * (slope - sign * 2.0 * rate / velocity**2)
-        derivative = np.stack([sign * fade, by_velocity], axis=1)[:, None, :]
-        value = breakaway * sign * fade
+        derivative = np.stack([low, by_velocity], axis=1)[:, None, :]
+        value = breakaway * low
         return Change((self.index,), value[:, None], derivative, self.by_signal(view, rate=by_rate))
 
     @classmethod
