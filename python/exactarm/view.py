@@ -121,6 +121,10 @@ class View:
         sample of the log behind the rows; None where the rows are all there is."""
         return None
 
+    def sign_by_angle(self, index: int) -> np.ndarray | None:
+        """(N,) slope of that sign by the angle on the output side, where the angle tells it."""
+        return None
+
     def gathered(self, values: np.ndarray) -> np.ndarray:
         """(N, ...) of the rows from (S, ...) of such samples."""
         return values

@@ -57,6 +57,13 @@ class DryFriction:
             found[run] = held_sign(angle[run], self.reach[index], self.begin(number, index))
         return found
 
+    def slope(self, index: int, angle: np.ndarray, runs) -> np.ndarray:
+        """(S,) of s by the angle, of an axis by the way."""
+        parts = [_elements(angle[run], self.reach[index], self.begin(number, index))
+                 for number, run in enumerate(runs)]
+        sticking = np.abs(np.concatenate(parts, axis=1)) < 1.0
+        return np.mean(sticking / (self.reach[index] * _ELEMENTS[:, None]), axis=0)
+
     def unsettled(self, record) -> np.ndarray:
         """(N,) rows before an axis by the way has moved far enough in its run to have forgotten where it
         began."""
@@ -75,10 +82,13 @@ _ELEMENTS = np.array([0.609, 1.305, 2.118, 3.607])
 
 def held_sign(angle: np.ndarray, reach: float, begin: float = 0.0) -> np.ndarray:
     """s of one run's angle (S,), `begin` at its first sample."""
-    parts = []
-    for each in reach * _ELEMENTS:
-        parts.append(_core.stop_operator(np.concatenate([[angle[0] - begin * each], angle]), each)[0][1:])
-    return np.mean(parts, axis=0)
+    return np.mean(_elements(angle, reach, begin), axis=0)
+
+
+def _elements(angle: np.ndarray, reach: float, begin: float) -> np.ndarray:
+    """(elements, S) stop operators."""
+    return np.stack([_core.stop_operator(np.concatenate([[angle[0] - begin * each], angle]), each)[0][1:]
+                     for each in reach * _ELEMENTS])
 
 
 def unsettled_rows(record, index: int, reach: float) -> np.ndarray:
