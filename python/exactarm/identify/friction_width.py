@@ -58,7 +58,7 @@ def by_turnover(prediction, layout: Layout) -> np.ndarray:
     view, found, step = prediction.view, [], _FINER[0]
     dry = view.evaluated[2].dry
     for axis in (effect.index for effect in layout.effects if effect.reverses):
-        rubbing, law = _Rubbing(layout, axis), (dry.width[axis], dry.reach[axis])
+        rubbing, law = _Rubbing(view, layout, axis), (dry.width[axis], dry.reach[axis])
         high, low = (rubbing.at(_by_law(view, axis, _times(law, factor), dry.start))[0]
                      for factor in (step, 1.0 / step))
         column = np.zeros_like(prediction.torque)
@@ -88,7 +88,7 @@ class _Axis:
         self.view, self.axis, self.keep = view, axis, keep
         rate = view.signals["theta_dot"][:, axis] / view.robot.controller_ratios[axis]
         self.rests = np.sum(np.abs(rate[keep]) < _REST_RAD_S) * record.step > _LEAST_REST_S
-        self.rubbing = _Rubbing(layout, axis)
+        self.rubbing = _Rubbing(view, layout, axis)
         at_start = _at_start(record, axis)[:, keep].T
         self.begun = at_start.any(axis=0)  # runs that show it
         self.at_start = at_start[:, self.begun]
@@ -128,34 +128,52 @@ class _Axis:
 
 
 class _Rubbing:
-    """What of a layout turns over with the dry friction of one axis: the table's Coulomb friction, and
-    effects of its drive; free (P,): their parameters."""
+    """What of a layout turns over with the dry friction of one axis: the table's Coulomb friction, effects of
+    its drive, and of its sensor what follows the drive torque; free (P,): their parameters."""
 
-    def __init__(self, layout: Layout, axis: int):
-        self.axis, self.effects = axis, []
+    def __init__(self, view, layout: Layout, axis: int):
+        self.axis, self.effects, self.sensor = axis, [], []
         self.free = np.zeros(layout.size, bool)
         for effect, mask, where in zip(layout.effects, layout.free, layout.slices):
-            if effect.station is Station.DRIVE and effect.joint == axis + 1:
-                own = mask & (np.arange(mask.size) > 0) if effect.reverses else mask  # its sign comes first
-                self.effects.append((effect, own))
-                self.free[where] = True
+            if effect.joint != axis + 1 or effect.station not in (Station.DRIVE, Station.DEVICE):
+                continue
+            of_drive = effect.station is Station.DRIVE
+            own = mask & (np.arange(mask.size) > 0) if effect.reverses else mask  # its sign comes first
+            (self.effects if of_drive else self.sensor).append((effect, own))
+            self.free[where] = True
+        # what the drive needs beside, and what a sensor that follows it reads
+        self.beside = view.signals["drive"][:, axis] - self._drive(view)[0] if self.sensor else None
 
     def at(self, view) -> tuple[np.ndarray, np.ndarray]:
         """(N,) Nm and its columns (N, k), of which the first is the sign, behind the low-pass."""
         record = view.evaluated[2]
         asked = (self.axis, record.dry.width[self.axis], record.dry.reach[self.axis])
         plain = record.samples is not None and record.dry.start is None and len(self.effects) == 1
-        plain = plain and not np.any((view.theta - record.theta)[:, self.axis])
+        plain = plain and not self.sensor and not np.any((view.theta - record.theta)[:, self.axis])
         known = record.samples.known if plain else {}
-        if asked not in known:
-            values, columns = np.zeros(view.rows), [over_samples(view, self.axis)]
-            for effect, mask in self.effects:
-                change = effect.change(view)
-                values = values + change.value[:, 0]
-                columns += [*change.by_parameters[:, 0, mask].T]
-            known[asked] = record.smooth(np.column_stack([values, *columns]))
         coulomb = view.robot.joints[self.axis].coulomb or 0.0
-        return known[asked][:, 0] + coulomb * known[asked][:, 1], known[asked][:, 1:]
+        if asked not in known:
+            torque, columns = self._drive(view)
+            if plain:
+                torque = torque - coulomb * columns[0]
+            for effect, mask in self.sensor:
+                drive = view.signals["drive"].copy()
+                drive[:, self.axis] = self.beside + torque
+                change = effect.change(replace(view, signals=view.signals | {"measured": drive}))
+                torque = torque + change.value[:, 0]
+                columns += [*change.by_parameters[:, 0, mask].T]
+            known[asked] = record.smooth(np.column_stack([torque, *columns]))
+        torque, columns = known[asked][:, 0], known[asked][:, 1:]
+        return torque + coulomb * columns[:, 0] if plain else torque, columns
+
+    def _drive(self, view) -> tuple[np.ndarray, list[np.ndarray]]:
+        sign = over_samples(view, self.axis)
+        torque, columns = (view.robot.joints[self.axis].coulomb or 0.0) * sign, [sign]
+        for effect, mask in self.effects:
+            change = effect.change(view)
+            torque = torque + change.value[:, 0]
+            columns += [*change.by_parameters[:, 0, mask].T]
+        return torque, columns
 
 
 def _by_law(view, axis: int, law: Law, start: np.ndarray | None = None):
