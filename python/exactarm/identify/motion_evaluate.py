@@ -1,8 +1,8 @@
 """The torque error of a robot file, as it is, on a motion that it has not seen: nothing is fitted to it.
 
-Measured and predicted drive torque pass the low-pass of an identification (chain/motion_record.py). How
-sharply dry friction turns over at a reversal is no property that a robot file declares: it is taken from the
-motion, as `identify` does.
+Measured and predicted drive torque pass the low-pass of an identification (chain/motion_record.py). How dry
+friction turns over at a reversal, and what it held at the start of a run, is no property that a robot file
+declares: it is taken from the motion, as `identify` does.
 """
 
 from __future__ import annotations
