@@ -118,6 +118,19 @@ class View:
         """(n,) rad/s, output side: within it dry friction turns over."""
         return np.full(self.axes, SIGN_WIDTH_RAD_S)
 
+    def dry_samples(self, index: int) -> tuple[np.ndarray, np.ndarray] | None:
+        """Sign of the dry friction of an axis (from 0) and its rate on the output side, (S,) each, at every
+        sample of the log behind the rows; None where the rows are all there is."""
+        return None
+
+    def sign_by_angle(self, index: int) -> np.ndarray | None:
+        """(N,) slope of that sign by the angle on the output side, where the angle tells it."""
+        return None
+
+    def gathered(self, values: np.ndarray) -> np.ndarray:
+        """(N, ...) of the rows from (S, ...) of such samples."""
+        return values
+
     @property
     def swing(self) -> np.ndarray:
         """(N, n) rad/s, output side: how far the motors' rates move to either side among the samples that a

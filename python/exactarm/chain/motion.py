@@ -27,7 +27,7 @@ from exactarm.chain.propagate import pass_station, pass_tangents
 from exactarm.chain.spring_response import SpringResponse
 from exactarm.data.kinds import MOTION, Device
 from exactarm.effects.base import Effect, Station
-from exactarm.effects.drive import smooth_sign
+from exactarm.effects.drive import over_samples, sign_slopes
 from exactarm.robot.robot import Robot
 from exactarm.view import View
 
@@ -52,7 +52,30 @@ class MotionView(View):
 
     @property
     def sign_width(self) -> np.ndarray:
-        return self.evaluated[2].sign_width
+        return self.evaluated[2].dry.width
+
+    def dry_samples(self, index: int) -> tuple[np.ndarray, np.ndarray] | None:
+        record = self.evaluated[2]
+        samples = record.samples
+        if samples is None:
+            return None
+        angle, rate = samples.angle[:, index], samples.rate[:, index]
+        if np.any(moved := (self.theta - record.theta)[:, index]):
+            ratio = self.robot.controller_ratios[index]
+            faster = (self.signals["theta_dot"] - record.theta_dot)[:, index]
+            angle, rate = (own + samples.spread(change, record.runs) / ratio
+                           for own, change in ((angle, moved), (rate, faster)))
+        return record.dry.sign(index, rate, angle, samples.runs), rate
+
+    def sign_by_angle(self, index: int) -> np.ndarray | None:
+        samples, dry = self.evaluated[2].samples, self.evaluated[2].dry
+        if samples is None or not dry.reach[index]:
+            return None
+        return samples.gathered(dry.slope(index, samples.angle[:, index], samples.runs))
+
+    def gathered(self, values: np.ndarray) -> np.ndarray:
+        samples = self.evaluated[2].samples
+        return values if samples is None else samples.gathered(values)
 
     @property
     def swing(self) -> np.ndarray:
@@ -244,7 +267,7 @@ def _load(view: View, layout: Layout, record: MotionRecord, tangents: bool) -> N
 def predict_drive(view: MotionView, robot: Robot, layout: Layout, tangents: bool) -> None:
     """From joint torques to what the drives report: virtual work, rotor, friction, sensor."""
     nominal = view.robot.controller_ratios
-    taken, by_rate, by_acceleration = _taken_by_drives(view)
+    taken, by_angle, by_rate, by_acceleration = _taken_by_drives(view)
     gears = transmission(view, layout)
     drive = nominal * np.einsum("nji,nj->ni", gears, view.torque) + taken
     view.signals["drive"] = drive
@@ -252,6 +275,8 @@ def predict_drive(view: MotionView, robot: Robot, layout: Layout, tangents: bool
         moved = nominal[:, None] * np.einsum("nji,njp->nip", gears, view.tangents["torque"])
         moved += by_acceleration[:, None] * view.tangents["theta_ddot"]
         moved += by_rate[:, :, None] * view.tangents["theta_dot"]
+        if by_angle.any():
+            moved += by_angle[:, :, None] * view.tangents["theta"]
         view.tangents["drive"] = moved + nominal[:, None] * _transmission_tangent(view, robot, layout)
     pass_station(view, layout, Station.DRIVE, "drive", tangents)
     view.signals["measured"] = view.signals["drive"]
@@ -260,18 +285,23 @@ def predict_drive(view: MotionView, robot: Robot, layout: Layout, tangents: bool
     pass_station(view, layout, Station.DEVICE, "measured", tangents)
 
 
-def _taken_by_drives(view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(N, n) Nm that declared rotors and friction take of the drive torque, its slopes by theta_dot (N, n)
-    and theta_ddot (n,)."""
+def _taken_by_drives(view: View) -> tuple[np.ndarray, ...]:
+    """(N, n) Nm that declared rotors and friction take of the drive torque, its slopes by theta and
+    theta_dot (N, n) and theta_ddot (n,)."""
     nominal = view.robot.controller_ratios
     rate = view.signals["theta_dot"] / nominal
-    sign, sign_slope = smooth_sign(rate, view.sign_width, view.swing)
     coulomb, viscous, rotor = (
         np.array([getattr(joint, name) or 0.0 for joint in view.robot.joints])
         for name in ("coulomb", "viscous", "rotor_inertia")
     )
-    taken = rotor * nominal * view.signals["theta_ddot"] + coulomb * sign + viscous * rate
-    return taken, (coulomb * sign_slope + viscous) / nominal, rotor * nominal
+    taken = rotor * nominal * view.signals["theta_ddot"] + viscous * rate
+    by_rate, by_angle = np.tile(viscous, (view.rows, 1)), np.zeros_like(rate)
+    for index in np.flatnonzero(coulomb):
+        taken[:, index] += coulomb[index] * over_samples(view, index)
+        slopes = sign_slopes(view, index)
+        by_rate[:, index] += coulomb[index] * slopes[0]
+        by_angle[:, index] = coulomb[index] * slopes[1]
+    return taken, by_angle / nominal, by_rate / nominal, rotor * nominal
 
 
 def _carried(view: MotionView, record: MotionRecord) -> tuple[np.ndarray, np.ndarray]:

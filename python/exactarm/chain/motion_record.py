@@ -15,14 +15,15 @@ constant times current (1 Nm/A where no constant is declared). Axes whose torque
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
-import scipy  # scipy.signal is imported at its first use: it takes half a second, and only motions need it
 from scipy import linalg, sparse
 
 from exactarm import _core
 from exactarm.chain.direction import direction_of_motion
+from exactarm.chain.dry_friction import DryFriction
+from exactarm.chain.log_samples import ORDER, LogSamples, low_pass
 from exactarm.chain.lost_samples import FILLED_PERIODS, Filled, without_gaps
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds.base import runs_in_time
@@ -30,12 +31,11 @@ from exactarm.errors import InputError
 from exactarm.numerics.signals import at_even_times, derivative_operator, even_clock, typical_step
 from exactarm.rest_load import declared_constants, drive_torque
 from exactarm.robot.robot import Robot
-from exactarm.view import SIGN_WIDTH_RAD_S, motor_angles
+from exactarm.view import motor_angles
 
 BANDWIDTH_HZ = 20.0  # arms are moved below 5 Hz and swing near 10 Hz
 SLOW_HZ = 5.0
 UNDECLARED_NM_A = 1.0
-_ORDER = 4
 _WIDE = 2.5  # bandwidth of the angles over that of the torque
 _ROWS_PER_PERIOD = 12.5
 _ROWS_WITH_HARMONICS = 25.0  # gear errors reach beyond the band: they must not fold back into it
@@ -54,7 +54,8 @@ class MotionRecord:
     direction (N, n): of the motor's motion, -1 to 1 (chain/direction.py).
     data: the resampled rows; runs: row indices in the order of time; bandwidth_hz: None where nothing was
     filtered; step, logged_step: s between its rows and between those of the log;
-    sign_width (n,) rad/s, output side: within it dry friction turns over (identify/friction_width.py).
+    dry: how dry friction turns over (chain/dry_friction.py, identify/friction_width.py); samples: those of
+    the log behind the rows, None where there is none beside them.
     """
 
     data: Dataset
@@ -68,12 +69,13 @@ class MotionRecord:
     bandwidth_hz: float | None
     step: float
     logged_step: float
-    sign_width: np.ndarray
+    dry: DryFriction
     at_reversal: np.ndarray
+    samples: LogSamples | None = None
 
     @property
     def keep(self) -> np.ndarray:
-        return self.inside & ~self.at_reversal
+        return self.inside & ~self.at_reversal & ~self.dry.unsettled(self)
 
     @property
     def measured_axes(self) -> np.ndarray:
@@ -114,7 +116,7 @@ class MotionRecord:
             return values
         out = np.empty_like(values)
         for rows in self.runs:
-            out[rows] = _low_pass(values[rows], wider * self.bandwidth_hz, self.step)
+            out[rows] = low_pass(values[rows], wider * self.bandwidth_hz, self.step)
         return out
 
     def white_share(self, step: float) -> float:
@@ -123,14 +125,14 @@ class MotionRecord:
         if self.bandwidth_hz is None:
             return 1.0
         frequency = np.linspace(0.0, 0.5 / step, 4096)
-        return float(np.mean((1.0 + (frequency / self.bandwidth_hz) ** (2 * _ORDER)) ** -2.0))
+        return float(np.mean((1.0 + (frequency / self.bandwidth_hz) ** (2 * ORDER)) ** -2.0))
 
     def noise_autocorrelation(self, lags: int) -> np.ndarray:
         """(lags + 1,) of white noise behind the low-pass."""
         if self.bandwidth_hz is None:
             return np.eye(1, lags + 1)[0]
         frequency = np.fft.rfftfreq(max(4096, 4 * lags), self.step)
-        power = (1.0 + (frequency / self.bandwidth_hz) ** (2 * _ORDER)) ** -2.0  # amplitude twice, squared
+        power = (1.0 + (frequency / self.bandwidth_hz) ** (2 * ORDER)) ** -2.0  # amplitude twice, squared
         found = np.fft.irfft(power)[: lags + 1]
         return found / found[0]
 
@@ -178,9 +180,21 @@ def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None
         bandwidth_hz=bandwidth if filtered else None,
         step=float(np.median([np.median(np.diff(part[6])) for part in parts])),
         logged_step=float(np.median(steps)),
-        sign_width=np.full(robot.axes, SIGN_WIDTH_RAD_S),
+        dry=DryFriction.of(robot.axes),
         at_reversal=np.zeros(len(kept), bool),
+        samples=_samples(robot, parts, float(np.median(steps)), bandwidth),
     )
+
+
+def _samples(robot: Robot, parts: list[tuple], step: float, bandwidth: float) -> LogSamples | None:
+    every = {part[9] for part in parts}
+    if len(every) > 1:  # runs that were not logged alike
+        return None
+    ends = np.cumsum([0] + [len(part[7]) for part in parts])
+    cutoff = _WIDE * bandwidth if _WIDE * bandwidth < _LARGEST / step else None
+    angle, rate = (np.concatenate([part[k] for part in parts]) / robot.controller_ratios for k in (7, 8))
+    runs = tuple(slice(a, b) for a, b in zip(ends[:-1], ends[1:]))
+    return LogSamples(angle, rate, runs, every.pop(), step, cutoff)
 
 
 def default_bandwidth(robot: Robot, data: Dataset) -> float:
@@ -226,15 +240,15 @@ def full_record(
         for stretch in without_gaps(time, (even,), FILLED_PERIODS / bandwidth_hz):
             rows = run[stretch.row[stretch.given]]
             derivative, angle = derivative_operator(stretch.time), stretch.signals[0]
-            own = derivative @ (_low_pass(angle, _WIDE * bandwidth_hz, step) if filtered else angle)
+            own = derivative @ (low_pass(angle, _WIDE * bandwidth_hz, step) if filtered else angle)
             rate[rows], acceleration[rows] = own[stretch.given], (derivative @ own)[stretch.given]
             direction[rows] = direction_of_motion(data.time[rows], turned[rows])
             runs.append(rows)
     band = bandwidth_hz if bandwidth_hz < _LARGEST / step else None
     torque = np.full_like(theta, np.nan)
-    inside, width = np.ones(len(data), bool), np.full(robot.axes, SIGN_WIDTH_RAD_S)
+    inside = np.ones(len(data), bool)
     return MotionRecord(data, theta, rate, acceleration, torque, direction, inside, tuple(runs), band, step,
-                        step, width, ~inside)
+                        step, DryFriction.of(robot.axes), ~inside)
 
 
 def _on_an_even_clock(robot: Robot, stamps: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -289,40 +303,25 @@ class _Run:
         return f"a run of {count} samples without a gap is too short; expected at least {least}"
 
     def resampled(self, bandwidth):
-        """(kept rows, theta, theta_dot, theta_ddot, torque, keep, time) of the stretch."""
+        """(kept rows, theta, theta_dot, theta_ddot, torque, keep, time) of the stretch, then angle and rate
+        of all its samples, and how many of these a row stands for."""
         step, edge, time = self.step, self._edge(bandwidth), self.stretch.time
         angle, moment, *rates = self.stretch.signals
         wide = _WIDE * bandwidth
         if self.filtered and wide < _LARGEST / step:
-            angle = _low_pass(angle, wide, step)
+            angle = low_pass(angle, wide, step)
         derivative = derivative_operator(time)
         rate = rates[0] if rates else derivative @ angle
         if rates and self.filtered and wide < _LARGEST / step:
-            rate = _low_pass(rate, wide, step)
+            rate = low_pass(rate, wide, step)
         acceleration = derivative @ rate
         every = 1
         if self.filtered:
-            moment = _low_pass(moment, bandwidth, step)
+            moment = low_pass(moment, bandwidth, step)
             every = max(1, int(1.0 / (self.rows_per_period * bandwidth * step) + 1e-9))
         keep = np.zeros(time.size, bool)
         keep[edge : time.size - edge] = True
         pick = slice(0, None, every)
         rows = self.rows[self.stretch.row]
-        return tuple(values[pick] for values in (rows, angle, rate, acceleration, moment, keep, time))
-
-
-@lru_cache(maxsize=64)
-def _butterworth(cutoff_hz: float, step: float) -> np.ndarray:
-    return scipy.signal.butter(_ORDER, cutoff_hz, fs=1.0 / step, output="sos")
-
-
-def _low_pass(values: np.ndarray, cutoff_hz: float, step: float) -> np.ndarray:
-    """(N, ...) without phase; ends go on as their point reflection, far enough for the filter to die out."""
-    sections = _butterworth(cutoff_hz, step)
-    pad = min(len(values) - 1, int(np.ceil(3.0 / (cutoff_hz * step))))
-    flat = values.reshape(len(values), -1)
-    bad = np.isnan(flat).any(axis=0)
-    good = ~bad & flat.any(axis=0)  # most tangents are zero in most axes
-    out = np.where(bad, np.nan, np.zeros_like(flat))
-    out[:, good] = scipy.signal.sosfiltfilt(sections, flat[:, good], axis=0, padtype="odd", padlen=pad)
-    return out.reshape(values.shape)
+        picked = (values[pick] for values in (rows, angle, rate, acceleration, moment, keep, time))
+        return (*picked, angle, rate, every)

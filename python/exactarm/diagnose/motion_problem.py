@@ -42,7 +42,7 @@ from exactarm.identify.dynamics import (
     require_enough,
     with_links,
 )
-from exactarm.identify.friction_width import friction_widths
+from exactarm.identify.friction_width import dry_friction
 from exactarm.identify.motion_fit import MotionFit, fit_motion
 from exactarm.identify.session_payloads import payload_layout_of_motion
 from exactarm.numerics.signals import typical_step, white_noise
@@ -147,7 +147,7 @@ class MotionProblem(ProblemInTime):
         start = None if sigma is None else sigma * np.sqrt(share)
         found = self._estimated(layout, record, rows, start)
         again = self._turned_over(record, found.layout)
-        if not np.array_equal(again.sign_width, record.sign_width):
+        if again.dry is not record.dry:
             record, found = again, self._estimated(found.layout, again, rows, found.sigma)
         prediction, axes, keep = found.prediction, found.axes, record.keep & (rows > 0.0)
         residual = np.where(keep[:, None], prediction.residual()[:, axes], 0.0)
@@ -179,7 +179,7 @@ class MotionProblem(ProblemInTime):
         weights = rows * np.sqrt(self._noise.share)
         # What a fit hangs on; the robot and the torque are those that the kept fit holds.
         effects = [(e.name, *(getattr(e, field.name) for field in fields(e))) for e in layout.effects]
-        about = (effects, layout.free, record.sign_width, weights, sigma)
+        about = (effects, layout.free, record.dry.values, weights, sigma)
         asked = (id(self.robot), id(record.torque), pickle.dumps(about))
         if asked not in self._fits:
             found = fit_motion(self.robot, layout, record, weights=weights, sigma=sigma, threads=self.threads)
@@ -189,12 +189,14 @@ class MotionProblem(ProblemInTime):
         return self._fits[asked]
 
     def _turned_over(self, record: MotionRecord, layout: Layout) -> MotionRecord:
-        """The record with the widths over which dry friction turns over with `layout`."""
-        return replace(record, sign_width=friction_widths(self.robot, layout, record, self.threads))
+        """The record as dry friction turns over with `layout`."""
+        return replace(record, dry=dry_friction(self.robot, layout, record, self.threads))
 
     def _residual(self, fitted: Fitted, data: Dataset) -> np.ndarray:
         """(N', m) measured minus predicted on the rows that count."""
-        record = replace(self._record_of(data), sign_width=fitted.record.sign_width)
+        record = fitted.record
+        if data is not self.data:
+            record = replace(self._record_of(data), dry=record.dry.elsewhere())
         prediction = predict_motion(self.robot, fitted.layout, record, tangents=False, threads=self.threads)
         return prediction.residual()[record.keep][:, self.record.measured_axes]
 

@@ -31,8 +31,9 @@ class AsymmetricFriction(DriveEffect):
     def change(self, view) -> Change:
         coulomb, viscous = self.values
         rate = self.rate(view)
-        sign, slope = self.sign(view)
-        moving, onset = smooth_square(rate, view.sign_width[self.index], view.swing[:, self.index])
+        sign = self.sign(view)
+        onset = smooth_square(rate, view.sign_width[self.index], view.swing[:, self.index])[1]
+        moving = self.over_samples(view, lambda sign, rate: sign**2)
         magnitude = rate * sign  # |rate| without the kink
-        by_rate = coulomb * onset + viscous * (sign + rate * slope)
-        return self.torque_change(view, [moving, magnitude], rate=by_rate)
+        slopes = self.slopes(view, by_sign=viscous * rate, by_rate=coulomb * onset + viscous * sign)
+        return self.torque_change(view, [moving, magnitude], **slopes)

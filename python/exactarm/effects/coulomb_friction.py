@@ -24,8 +24,7 @@ class CoulombFriction(DriveEffect):
         return (Parameter("torque_Nm", 10.0, lower=0.0),)
 
     def change(self, view) -> Change:
-        sign, slope = self.sign(view)
-        return self.torque_change(view, [sign], rate=self.values[0] * slope)
+        return self.torque_change(view, [self.sign(view)], **self.slopes(view, by_sign=self.values[0]))
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:

@@ -44,5 +44,5 @@ class DeclaredFriction(DriveEffect):
 
     def change(self, view) -> Change:
         rate = self.rate(view)
-        derivative = np.stack([self.sign(view)[0], rate], axis=1)[:, None, :]
+        derivative = np.stack([self.sign(view), rate], axis=1)[:, None, :]
         return Change((self.index,), np.zeros((view.rows, 1)), derivative)

@@ -8,7 +8,7 @@ rest being in no defined state of friction.
 from __future__ import annotations
 
 from abc import ABC
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -18,6 +18,9 @@ from exactarm.data.kinds import MOTION
 from exactarm.effects.base import Change, Effect, Station
 from exactarm.view import SIGN_WIDTH_RAD_S
 
+Law = Callable[[np.ndarray, np.ndarray], np.ndarray]
+
+_OUTPUT_SIDE = {"rate": "theta_dot", "angle": "theta"}
 _LEAST_SWING = 1e-3  # of the width
 
 
@@ -32,6 +35,24 @@ def smooth_sign(rate: np.ndarray, width=SIGN_WIDTH_RAD_S, swing=0.0) -> tuple[np
     high, low = (rate + swing) / width, (rate - swing) / width
     mean = width / (2.0 * swing) * (_log_cosh(high) - _log_cosh(low))
     return mean, (np.tanh(high) - np.tanh(low)) / (2.0 * swing)
+
+
+def over_samples(view, index: int, law: Law = lambda sign, rate: sign) -> np.ndarray:
+    """(N,) of a law of friction of one axis (from 0), a function of its sign and its rate on the output side:
+    mean over the samples of the log that a row stands for."""
+    samples = view.dry_samples(index)
+    if samples is not None:
+        return view.gathered(law(*samples))
+    rate = view.signals["theta_dot"][:, index] / view.robot.controller_ratios[index]
+    return law(smooth_sign(rate, view.sign_width[index], view.swing[:, index])[0], rate)
+
+
+def sign_slopes(view, index: int) -> tuple[np.ndarray, np.ndarray]:
+    """(N,) each: slope of the sign of one axis (from 0) by its rate and by its angle, on the output side."""
+    rate = view.signals["theta_dot"][:, index] / view.robot.controller_ratios[index]
+    by_rate = smooth_sign(rate, view.sign_width[index], view.swing[:, index])[1]
+    by_angle = view.sign_by_angle(index)
+    return (by_rate, np.zeros_like(rate)) if by_angle is None else (np.zeros_like(rate), by_angle)
 
 
 def smooth_square(rate: np.ndarray, width=SIGN_WIDTH_RAD_S, swing=0.0) -> tuple[np.ndarray, np.ndarray]:
@@ -60,13 +81,21 @@ class DriveEffect(Effect, ABC):
         """(N,) motor rate on the output side, rad/s."""
         return view.signals["theta_dot"][:, self.index] / view.robot.controller_ratios[self.index]
 
-    def sign(self, view) -> tuple[np.ndarray, np.ndarray]:
-        """Smooth sign (N,) of the rate and its slope."""
-        return smooth_sign(self.rate(view), view.sign_width[self.index], view.swing[:, self.index])
+    def sign(self, view) -> np.ndarray:
+        """(N,) of dry friction."""
+        return self.over_samples(view)
+
+    def slopes(self, view, by_sign: np.ndarray, by_rate: np.ndarray | float = 0.0) -> dict[str, np.ndarray]:
+        """Slopes (N,) of a torque by the motor's rate and angle from those by sign and rate."""
+        rate, angle = sign_slopes(view, self.index)
+        return {"rate": by_sign * rate + by_rate, "angle": by_sign * angle}
+
+    def over_samples(self, view, *law) -> np.ndarray:
+        return over_samples(view, self.index, *law)
 
     def torque_change(self, view, columns: list[np.ndarray], **slopes: np.ndarray) -> Change:
         """Change of a torque that is linear in its parameters: columns (N,) each, and slopes (N,) by this
-        axis' own entry of upstream signals; `rate` stands for theta_dot on the output side."""
+        axis' own entry of upstream signals; `rate`, `angle`: of the motor, on the output side."""
         stacked = np.stack(columns, axis=1)
         value = stacked @ np.asarray(self.values)
         return Change((self.index,), value[:, None], stacked[:, None, :], self.by_signal(view, **slopes))
@@ -74,8 +103,8 @@ class DriveEffect(Effect, ABC):
     def by_signal(self, view, **slopes: np.ndarray) -> dict[str, np.ndarray]:
         result = {}
         for name, slope in slopes.items():
-            if name == "rate":
-                name, slope = "theta_dot", slope / view.robot.controller_ratios[self.index]
+            if name in _OUTPUT_SIDE:
+                name, slope = _OUTPUT_SIDE[name], slope / view.robot.controller_ratios[self.index]
             result[name] = self.by_own_entry(view, slope)
         return result
 

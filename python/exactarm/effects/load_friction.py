@@ -30,12 +30,12 @@ class LoadFriction(DriveEffect):
 
     def change(self, view) -> Change:
         torque = view.torque[:, self.index]
-        sign, slope = self.sign(view)
+        sign = self.sign(view)
         coefficient = self.values[0]
         return self.torque_change(
             view,
             [np.abs(torque) * sign],
-            rate=coefficient * np.abs(torque) * slope,
+            **self.slopes(view, by_sign=coefficient * np.abs(torque)),
             torque=coefficient * np.sign(torque) * sign,
         )
 

@@ -36,13 +36,15 @@ class StribeckFriction(DriveEffect):
     def change(self, view) -> Change:
         breakaway, velocity = self.values
         rate = self.rate(view)
-        sign, slope = self.sign(view)
+        sign = self.sign(view)
         fade = np.exp(-((rate / velocity) ** 2))
-        by_velocity = breakaway * sign * fade * 2.0 * rate**2 / velocity**3
-        by_rate = breakaway * fade * (slope - sign * 2.0 * rate / velocity**2)
-        derivative = np.stack([sign * fade, by_velocity], axis=1)[:, None, :]
-        value = breakaway * sign * fade
-        return Change((self.index,), value[:, None], derivative, self.by_signal(view, rate=by_rate))
+        low = self.over_samples(view, lambda sign, rate: sign * np.exp(-((rate / velocity) ** 2)))
+        falls = self.over_samples(view, lambda sign, rate: sign * rate**2 * np.exp(-((rate / velocity) ** 2)))
+        by_velocity = breakaway * 2.0 * falls / velocity**3
+        by_rate = -breakaway * fade * sign * 2.0 * rate / velocity**2
+        derivative = np.stack([low, by_velocity], axis=1)[:, None, :]
+        by_signal = self.by_signal(view, **self.slopes(view, breakaway * fade, by_rate))
+        return Change((self.index,), breakaway * low[:, None], derivative, by_signal)
 
     @classmethod
     def candidates(cls, robot, view):

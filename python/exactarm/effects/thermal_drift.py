@@ -25,7 +25,7 @@ import numpy as np
 
 from exactarm.data.kinds import ALL_KINDS, GEAR_RUN, MOTION, WITH_TARGET
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.effects.drive import smooth_sign
+from exactarm.effects.drive import over_samples, sign_slopes
 from exactarm.effects.slow_driver import ROW, drivers, quickness, slow_signal, temperatures, unit
 
 
@@ -230,7 +230,8 @@ class _FrictionFalls:
         if not self.dry:
             return torque, slope
         coulomb = np.array([joint.coulomb or 0.0 for joint in joints])
-        sign, sign_slope = smooth_sign(rate, view.sign_width, view.swing)
+        sign = np.column_stack([over_samples(view, index) for index in range(view.axes)])
+        sign_slope = np.column_stack([sign_slopes(view, index)[0] for index in range(view.axes)])
         return torque + coulomb * sign, slope + coulomb * sign_slope
 
     @classmethod

@@ -36,7 +36,7 @@ from exactarm.errors import InputError
 from exactarm.identify.base_parameters import BaseParameters, base_parameters
 from exactarm.identify.consistent import consistent_fit
 from exactarm.identify.declared import carried_layout, require_geometry, with_estimates
-from exactarm.identify.friction_width import friction_widths
+from exactarm.identify.friction_width import dry_friction
 from exactarm.identify.identifiability import Dropped
 from exactarm.identify.motion_fit import MotionFit, fit_motion
 from exactarm.identify.prior_bodies import declares_bodies
@@ -108,20 +108,21 @@ def identify_dynamics(robot: Robot, data: Dataset, options: DynamicsOptions = Dy
     train = records["identification"]
     axes = train.measured_axes
     carried = carried_layout(robot, data, MOTION.name)
-    before = {
-        name: predict_motion(robot, carried, record, tangents=False).residual()[record.keep][:, axes]
-        for name, record in records.items()
-    }
     progress(EXCITED)
     base = base_parameters(robot)
     layout = friction_layout(start, train)
     if options.inertial:
         layout = layout.joined(inertial_layout(start, base))
-    carried = carried.joined(payload_layout_of_motion(train.data, options.inertial))
-    layout, unexcited = excited_layout(start, layout.joined(carried), train, options.threads)
+    held = carried.joined(payload_layout_of_motion(train.data, options.inertial))
+    layout, unexcited = excited_layout(start, layout.joined(held), train, options.threads)
     require_enough(layout, train)
-    widths = friction_widths(start, layout, train, options.threads)
-    records = {name: replace(record, sign_width=widths) for name, record in records.items()}
+    dry = dry_friction(start, layout, train, options.threads)
+    records = {name: replace(record, dry=dry if record is train else dry.elsewhere())
+               for name, record in records.items()}
+    before = {
+        name: predict_motion(robot, carried, record, tangents=False).residual()[record.keep][:, axes]
+        for name, record in records.items()
+    }
     progress(FITTING)
     fit = fit_motion(start, layout, records["identification"], threads=options.threads)
     unconstrained = {name: fit.residual(record, options.threads) for name, record in records.items()}

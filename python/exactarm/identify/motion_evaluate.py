@@ -1,8 +1,8 @@
 """The torque error of a robot file, as it is, on a motion that it has not seen: nothing is fitted to it.
 
-Measured and predicted drive torque pass the low-pass of an identification (chain/motion_record.py). How
-sharply dry friction turns over at a reversal is no property that a robot file declares: it is taken from the
-motion, as `identify` does.
+Measured and predicted drive torque pass the low-pass of an identification (chain/motion_record.py). How dry
+friction turns over at a reversal, and what it held at the start of a run, is no property that a robot file
+declares: it is taken from the motion, as `identify` does.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from exactarm.errors import InputError
 from exactarm.identify.declared import carried_layout, require_geometry
 from exactarm.identify.dynamics import friction_layout
 from exactarm.identify.evaluation import Evaluation
-from exactarm.identify.friction_width import friction_widths
+from exactarm.identify.friction_width import dry_friction
 from exactarm.robot.robot import Robot
 
 
@@ -39,7 +39,7 @@ def evaluate_motion(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1
     record: MotionRecord = motion_clear_of_reversals(robot, motion_record(robot, data, None), data, threads)
     carried = carried_layout(robot, data, MOTION.name)
     layout = friction_layout(robot, record).joined(carried)
-    record = replace(record, sign_width=friction_widths(robot, layout, record, threads))
+    record = replace(record, dry=dry_friction(robot, layout, record, threads))
     axes, keep = record.measured_axes, record.keep
     residual = predict_motion(robot, carried, record, tangents=False,
                               threads=threads).residual()[keep][:, axes]

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm.chain import Layout, MotionPrediction, MotionRecord, predict_motion
+from exactarm.identify.friction_width import by_turnover
 from exactarm.identify.layout_fit import fit_layout, priors_of
 from exactarm.noise.autocorrelation import Uncertainty, uncertainty
 from exactarm.numerics.regression import Fit
@@ -75,13 +76,16 @@ def fit_motion(
 
 def _uncertainty(prediction, residual, sigma, rows, axes, record, layout, held) -> Uncertainty:
     """Of the free parameters; none of those that `held` (P,) says a bound holds."""
-    jacobian = prediction.jacobian[np.ix_(rows, axes)]
+    turnover = by_turnover(prediction, layout)[np.ix_(rows, axes)]
+    held = np.concatenate([held, np.zeros(turnover.shape[2], bool)])
+    prior = np.concatenate([priors_of(layout)[1], np.full(turnover.shape[2], np.inf)])
+    jacobian = np.concatenate([prediction.jacobian[np.ix_(rows, axes)], turnover], axis=2)
     place = np.full(len(record.keep), -1)
     place[rows] = np.arange(len(rows))
     runs = [place[run][place[run] >= 0] for run in record.runs]
     found = uncertainty(jacobian[:, :, ~held], residual, sigma, [run for run in runs if run.size],
                         record.step,
-                        record.noise_autocorrelation, priors_of(layout)[1][~held])
-    covariance = np.zeros((layout.size, layout.size))
+                        record.noise_autocorrelation, prior[~held])
+    covariance = np.zeros((held.size, held.size))
     covariance[np.ix_(~held, ~held)] = found.covariance
-    return replace(found, covariance=covariance)
+    return replace(found, covariance=covariance[: layout.size, : layout.size])

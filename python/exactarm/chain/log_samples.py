@@ -1,0 +1,86 @@
+"""The samples of a log behind the fewer rows of a motion record: what turns over between two rows (dry
+friction at a reversal) is evaluated at every sample and then gathered.
+
+    angle, rate   (S, n) of the motors on the output side, behind the low-pass of the angles
+    gathered      (S, ...) -> (N, ...): low-pass of the angles, far above that of the torque, and every k-th
+                  sample, so that nothing folds back into the band of the torque
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+
+import numpy as np
+import scipy  # scipy.signal is imported at its first use: it takes half a second, and only motions need it
+from scipy import sparse
+
+ORDER = 4
+_MEMORY_PERIODS = 4.0  # of the cutoff: what comes later is below 1e-4
+
+
+@dataclass(frozen=True)
+class LogSamples:
+    """runs: slices of the samples, one a run of the record; every: samples a row; cutoff_hz: of `gathered`,
+    None where it is too high for the log; known: what has been derived, by what it was asked for by."""
+
+    angle: np.ndarray
+    rate: np.ndarray
+    runs: tuple[slice, ...]
+    every: int
+    step: float
+    cutoff_hz: float | None
+    known: dict = field(default_factory=dict, repr=False, compare=False)
+
+    def gathered(self, values: np.ndarray) -> np.ndarray:
+        return values if self.every == 1 else self._gathering @ values
+
+    @cached_property
+    def _gathering(self) -> sparse.csr_array:
+        """(N, S)"""
+        taps = _taps(self.cutoff_hz, self.step)
+        half, blocks = len(taps) // 2, []
+        for run in self.runs:
+            count = run.stop - run.start
+            rows = np.arange(0, count, self.every)
+            place = rows[:, None] + np.arange(-half, half + 1)
+            weight = np.where((place >= 0) & (place < count), taps, 0.0)
+            weight /= weight.sum(axis=1, keepdims=True)
+            start = np.arange(0, weight.size + 1, len(taps))
+            blocks.append(sparse.csr_array((weight.ravel(), np.clip(place, 0, count - 1).ravel(), start),
+                                           shape=(rows.size, count)))
+        return sparse.block_diag(blocks, format="csr")
+
+    def spread(self, values: np.ndarray, runs) -> np.ndarray:
+        """(S,) of values (N,) at the rows `runs` of the record, linear between them."""
+        parts = []
+        for rows, run in zip(runs, self.runs):
+            count = run.stop - run.start
+            parts.append(np.interp(np.arange(count), self.every * np.arange(len(rows)), values[rows]))
+        return np.concatenate(parts)
+
+
+@lru_cache(maxsize=64)
+def _butterworth(cutoff_hz: float, step: float) -> np.ndarray:
+    return scipy.signal.butter(ORDER, cutoff_hz, fs=1.0 / step, output="sos")
+
+
+def _taps(cutoff_hz: float | None, step: float) -> np.ndarray:
+    """Of the low-pass at every sample, as far as it remembers."""
+    if cutoff_hz is None:
+        return np.ones(1)
+    half = int(np.ceil(_MEMORY_PERIODS / (cutoff_hz * step)))
+    taps = low_pass(np.eye(1, 4 * half + 1, 2 * half)[0], cutoff_hz, step)[half : 3 * half + 1]
+    return taps / taps.sum()
+
+
+def low_pass(values: np.ndarray, cutoff_hz: float, step: float) -> np.ndarray:
+    """(N, ...) without phase; ends go on as their point reflection, far enough for the filter to die out."""
+    sections = _butterworth(cutoff_hz, step)
+    pad = min(len(values) - 1, int(np.ceil(3.0 / (cutoff_hz * step))))
+    flat = values.reshape(len(values), -1)
+    bad = np.isnan(flat).any(axis=0)
+    good = ~bad & flat.any(axis=0)  # most tangents are zero in most axes
+    out = np.where(bad, np.nan, np.zeros_like(flat))
+    out[:, good] = scipy.signal.sosfiltfilt(sections, flat[:, good], axis=0, padtype="odd", padlen=pad)
+    return out.reshape(values.shape)
