@@ -1,8 +1,8 @@
 """An arm that is not as drawn, and an arm of another make, are no mistakes of the user.
 
-Before: angles of axis 6 in another unit were suspected where the target lies near that axis (all of seeds 0 to
-19), and the file of another arm was asked for degrees, for an arm that hardly turns leaves less than one that turns
-otherwise.
+Before: angles of axis 6 in another unit were suspected where the target lies near that axis (all of seeds
+0 to 19), and the file of another arm was asked for degrees, for an arm that hardly turns leaves less than one
+that turns otherwise.
 """
 
 from dataclasses import replace
