@@ -123,6 +123,7 @@ class Diagnosis:
     drafts: tuple[Draft, ...] = ()
     lines: tuple[str, ...] = ()
     excluded_error: float | None = None  # m, median of the rows that are left out
+    excluded_places: tuple[str, ...] = ()  # of these rows, in words
 
     @property
     def unknown(self) -> tuple[str, ...]:
@@ -222,6 +223,7 @@ def diagnose(
         problem=problem,
         excluded=int(wrong.sum()),
         excluded_error=_median_error(last.residual[wrong]),
+        excluded_places=tuple(problem.data.place_of(row) for row in np.flatnonzero(wrong)),
         axes=problem.axes(first, last),
         left_out=problem.left_out(),
         contributions=contributions(problem, last, declared),
