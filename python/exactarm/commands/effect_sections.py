@@ -108,9 +108,11 @@ def effects_table(result: Diagnosis, found: Sequence[tuple[Finding, Contribution
                  f"out{_places(result)}. ")
     if any(getattr(finding, "own_share", None) is not None for finding, _ in found):
         note += ("Own share: a model without this effect alone, the others estimated again, has a larger "
-                 "held-out square sum; so much of it goes with the effect.")
+                 "held-out square sum; so much of it goes with the effect. ")
+    note += " ".join(f"{finding.effect.title.capitalize()}: {finding.caveat}."
+                     for finding, _ in in_order(found) if getattr(finding, "caveat", ""))
     return Table("Causes found", tuple(header[k] for k in kept),
-                 tuple(tuple(row[k] for k in kept) for row in rows), note)
+                 tuple(tuple(row[k] for k in kept) for row in rows), note.strip())
 
 
 def _places(result: Diagnosis) -> str:

@@ -74,6 +74,7 @@ class Finding:
     credible_set: tuple[tuple[str, int | None, float], ...] = ()
     own_share: float | None = None
     likelier: str = ""
+    caveat: str = ""  # what the estimate cannot tell
 
 
 @dataclass(frozen=True)
@@ -355,6 +356,7 @@ def _finding(accepted: Accepted, last, declared, place, errors, problem, own_sha
         accepted.credible_set,
         own_share,
         accepted.likelier,
+        caveat,
     )
 
 
