@@ -1,5 +1,7 @@
 """Several reflectors of one plate on the tool are one pose."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -126,8 +128,7 @@ def test_a_missing_coordinate_and_a_pose_beside_them_are_refused(tmp_path):
 def test_a_row_that_shows_one_of_three_is_refused_with_the_layout_that_it_needs(tmp_path):
     points, *_ = seen(3)
     points[4, 1] = np.nan
-    path = written(tmp_path, points)
-    table = open(path).read().replace("nan", "")
-    open(path, "w").write(table)
+    path = Path(written(tmp_path, points))
+    path.write_text(path.read_text().replace("nan", ""))
     with pytest.raises(InputError, match="row 5, column x2_mm: empty cell.*`session` for each reflector"):
         read_dataset(path, load_robot("ur10"))
