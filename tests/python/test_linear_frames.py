@@ -8,8 +8,8 @@ from exactarm.chain import Layout, predict_poses
 from exactarm.data.dataset import read_dataset
 from exactarm.files.examples import data_path
 from exactarm.first_aid.linear_frames import frames_of_stack, least_left, linear_frames
+from exactarm.first_aid.misfit import flanges
 from exactarm.first_aid.pose_candidates import candidates
-from exactarm.first_aid.pose_mistakes import flanges
 from exactarm.robot_file import load_robot
 
 SETS, ROWS = 5, 30

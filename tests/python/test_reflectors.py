@@ -1,5 +1,7 @@
 """Several reflectors of one plate on the tool are one pose."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -121,3 +123,12 @@ def test_a_missing_coordinate_and_a_pose_beside_them_are_refused(tmp_path):
     header = ["x_m", "y_m", "z_m", "x2_m", "y2_m", "z2_m", "x3_m", "y3_m", "z3_m"]
     with pytest.raises(InputError, match="expected either"):
         read_dataset([written(tmp_path, points, header=header, unit="m")], load_robot("ur10"))
+
+
+def test_a_row_that_shows_one_of_three_is_refused_with_the_layout_that_it_needs(tmp_path):
+    points, *_ = seen(3)
+    points[4, 1] = np.nan
+    path = Path(written(tmp_path, points))
+    path.write_text(path.read_text().replace("nan", ""))
+    with pytest.raises(InputError, match="row 5, column x2_mm: empty cell.*`session` for each reflector"):
+        read_dataset(path, load_robot("ur10"))

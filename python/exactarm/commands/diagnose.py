@@ -21,7 +21,7 @@ from exactarm.commands.payload_section import with_payload_section
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.steps import CHECKING, READING, STEPS, step_of, steps_of_kinds
 from exactarm.commands.suspicions import suspicions
-from exactarm.data.kinds import MOTION
+from exactarm.data.kinds import MOTION, kind_of
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.diagnose.diagnosis import diagnose as find_causes
@@ -259,11 +259,19 @@ def _unknown(result: Diagnosis) -> dict[str, Any]:
 
 
 def _residuals(result: Diagnosis) -> dict[str, Any]:
-    """Every judged number of both sets, before and after; empty where a row was left out."""
-    sets = list(result.errors_before)
-    return {
-        "set": [name for name in sets for _ in result.errors_before[name]],
-        "number": np.concatenate([np.arange(1, len(result.errors_before[name]) + 1) for name in sets]),
-        "error_before": np.concatenate([result.errors_before[name] for name in sets]),
-        "error_after": np.concatenate([result.errors_after[name] for name in sets]),
+    """Every judged number of both sets, before and after; empty where a row was left out. Where it is one of
+    a row, where that came from."""
+    errors, problem = result.errors_before, result.problem
+    rows = {"identification": problem.data, "validation": problem.held_out}
+    told: dict[str, Any] = {}
+    if kind_of(result.kind).at_rest and all(len(errors[name]) == len(rows[name]) for name in errors):
+        files = [source.path for source in problem.data.sources] or [""]
+        joined = lambda column: np.concatenate([getattr(rows[name], column) for name in errors])
+        told = {"file": [files[i] for i in joined("file_index")], "row": joined("row"),
+                "session": joined("session")}
+    return told | {
+        "set": [name for name in errors for _ in errors[name]],
+        "number": np.concatenate([np.arange(1, len(errors[name]) + 1) for name in errors]),
+        "error_before": np.concatenate([errors[name] for name in errors]),
+        "error_after": np.concatenate([result.errors_after[name] for name in errors]),
     }

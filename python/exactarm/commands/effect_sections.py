@@ -34,6 +34,7 @@ _MOST_ORDERS = 3  # of one effect
 _LEAST_ORDER = 0.25  # of its strongest order: weaker ones are not listed
 _MOST_PANELS = 12
 _FEW = 12  # parameters that are listed one by one
+_PLACES = 5  # of rows left out, that are listed
 _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven",
             "twelve")
 
@@ -103,12 +104,22 @@ def effects_table(result: Diagnosis, found: Sequence[tuple[Finding, Contribution
     kept = [k for k in range(len(header)) if any(row[k] not in (None, "") for row in rows)]
     note = _at_tool_note(result, [c for _, c in found if c is not None])
     if any(rows_left_out(result, finding) for finding, _ in found):
-        note += "Of single wrong measurements: the median error of the rows that are left out. "
+        note += ("Of single wrong measurements: the median error of the rows that are left "
+                 f"out{_places(result)}. ")
     if any(getattr(finding, "own_share", None) is not None for finding, _ in found):
         note += ("Own share: a model without this effect alone, the others estimated again, has a larger "
-                 "held-out square sum; so much of it goes with the effect.")
+                 "held-out square sum; so much of it goes with the effect. ")
+    note += " ".join(f"{finding.effect.title.capitalize()}: {finding.caveat}."
+                     for finding, _ in in_order(found) if getattr(finding, "caveat", ""))
     return Table("Causes found", tuple(header[k] for k in kept),
-                 tuple(tuple(row[k] for k in kept) for row in rows), note)
+                 tuple(tuple(row[k] for k in kept) for row in rows), note.strip())
+
+
+def _places(result: Diagnosis) -> str:
+    """The rows that are left out, where they are few."""
+    places = getattr(result, "excluded_places", ())
+    more = f" and {len(places) - _PLACES} more, in `residuals.csv`" if len(places) > _PLACES else ""
+    return f" ({', '.join(places[:_PLACES])}{more})" if places else ""
 
 
 def _what_at_tool(result: Diagnosis) -> str:

@@ -95,13 +95,14 @@ _LENGTH = re.compile(rf"length_({'|'.join(LENGTH)})")
 
 def may_be_empty(names: list[str]) -> set[str]:
     """Columns whose cells may be empty: a row without a contact, and in a file with contacts a row without a
-    tracker."""
+    tracker; reflectors, of which `reflectors` says better what an empty cell lacks."""
     scalars = {name: match[1] for name in names if (match := _SCALAR.fullmatch(name))}
+    seen = {name for name in names if _REFLECTOR.fullmatch(name)}
     partner = {name for name in names if (match := _INDEXED.fullmatch(name)) and match[1] == PARTNER}
     if not (set(CONTACTS) & set(names) or partner or {*TILT, *ACCEL, *PIXEL} & set(scalars.values())):
-        return set()
+        return seen
     vectors = (*POSITION, *QUATERNION, *ROTATION_VECTOR, *TILT, *ACCEL, *PIXEL)
-    return partner | {
+    return seen | partner | {
         name for name in names
         if name in (*CONTACTS, *PICTURE) or _LENGTH.fullmatch(name) or scalars.get(name) in vectors
     }

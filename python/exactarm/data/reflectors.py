@@ -50,6 +50,12 @@ def with_target(path: str, columns: Mapping[Key, Column],
     points = np.stack([np.stack([values.pop((name, None)) for name in group], axis=1) for group in names],
                       axis=1)
     told = [columns.pop((name, None)) for group in names for name in group]
+    empty = np.argwhere(np.isnan(points.reshape(len(points), -1)))
+    if empty.size:
+        row, column = empty[0].tolist()
+        wanted = ("all reflectors in every row, or, where a row shows one of them, x, y, z and a number "
+                  "`session` for each reflector" if len(numbers) > 1 else "a number")
+        raise InputError(f"empty cell; expected {wanted}", file=path, row=row + 1, column=told[column].name)
     numbers_of = dict(zip(POSITION, points[:, 0].T))
     if len(numbers) > 2:
         position, rotation = plate_poses(points, path, first.name)

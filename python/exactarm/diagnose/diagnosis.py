@@ -76,6 +76,7 @@ class Finding:
     credible_set: tuple[tuple[str, int | None, float], ...] = ()
     own_share: float | None = None
     likelier: Structure | None = None
+    caveat: str = ""  # what the estimate cannot tell
 
 
 @dataclass(frozen=True)
@@ -125,6 +126,7 @@ class Diagnosis:
     drafts: tuple[Draft, ...] = ()
     waves: tuple[Structure, ...] = ()
     excluded_error: float | None = None  # m, median of the rows that are left out
+    excluded_places: tuple[str, ...] = ()  # of these rows, in words
 
     @property
     def unknown(self) -> tuple[Structure, ...]:
@@ -224,6 +226,7 @@ def diagnose(
         problem=problem,
         excluded=int(wrong.sum()),
         excluded_error=_median_error(last.residual[wrong]),
+        excluded_places=tuple(problem.data.place_of(row) for row in np.flatnonzero(wrong)),
         axes=problem.axes(first, last),
         left_out=problem.left_out(),
         contributions=contributions(problem, last, declared),
@@ -358,6 +361,7 @@ def _finding(accepted: Accepted, last, declared, place, errors, problem, own_sha
         accepted.credible_set,
         own_share,
         accepted.likelier,
+        caveat,
     )
 
 

@@ -117,7 +117,7 @@ def _over_space(problem: Problem, fitted: Fitted, tests: int) -> list[Follows]:
     if space is None:
         return []
     name, points = space
-    used = np.flatnonzero(fitted.weight > 0)
+    used = problem.independent_rows(fitted)
     rows = used[:: max(1, -(-3 * used.size // _NUMBERS_IN_SPACE))]
     pick = lambda values: values[: fitted.data_numbers].reshape(*fitted.residual.shape, -1)[rows, :3]
     basis = orthonormal(pick(fitted.determined).reshape(3 * rows.size, -1))

@@ -1,6 +1,7 @@
 """Noise floor: what no model can explain, in the measure of the errors (Euclidean for poses).
 
-From repeated visits where there are enough, with the rounding of the angles that repeats hide; else from
+From repeated visits where there are enough, with the rounding of the angles that repeats hide (readings
+without a move between them are one visit: they show the device, not how well the arm comes back); else from
 close neighbours in joint space (the residual of poses that nearly coincide can differ by noise only: half the
 mean square of the differences, Rice 1984); else from the final fit, which is then an upper bound.
 """
@@ -48,7 +49,10 @@ def noise_floor(problem: Problem, final: Fitted) -> NoiseFloor:
     close = neighbour_noise(problem, final)
     if close is not None and close < 1.0:
         return NoiseFloor(close * unit, "differences between neighbouring poses", True)
-    return NoiseFloor(unit, "scatter that the final model leaves (an upper bound)", False)
+    readings = problem.reading_noise(final) if kind_of(problem.kind).target_at_rest else None
+    beside = (f"; readings without a move between them scatter by {1e6 * readings * unit:.3g} µm"
+              if readings is not None else "")
+    return NoiseFloor(unit, f"scatter that the final model leaves (an upper bound){beside}", False)
 
 
 def neighbour_noise(problem: Problem, fitted: Fitted) -> float | None:

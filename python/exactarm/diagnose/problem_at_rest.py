@@ -12,6 +12,7 @@ from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.signal import APPROACH, LOAD, ORDER, TIME, TWO_ANGLES, Signal, place_of_axis
 from exactarm.diagnose.smoothness import second_order
 from exactarm.identify.declared import require_geometry
+from exactarm.identify.repeats import worth_of_rows
 from exactarm.noise.wandering import SESSIONS_APART
 from exactarm.robot.robot import Robot
 
@@ -62,10 +63,60 @@ class ProblemAtRest(Problem):
         q = fitted.view.q
         return {Signal(TWO_ANGLES): second_order(q[:, np.ptp(q, axis=0) > 0.0])}
 
+    def correlation_factor(self, fitted: Fitted) -> float:
+        return float(np.average(self._worth(fitted), weights=fitted.weight > 0.0))
+
+    def independent_rows(self, fitted: Fitted) -> np.ndarray:
+        """Numbers of rows in use: of each pose as many readings, the first ones, as all of them are worth."""
+        used = np.flatnonzero(fitted.weight > 0.0)
+        _, poses, counts = np.unique(self.groups()[used], return_inverse=True, return_counts=True)
+        order = np.argsort(poses, kind="stable")
+        place = np.empty(len(used))  # of a reading among those of its pose
+        place[order] = np.arange(len(used)) - np.repeat(np.cumsum(counts) - counts, counts)
+        return used[place < np.maximum(np.rint(counts[poses] * self._worth(fitted)[used]), 1.0)]
+
+    def _worth(self, fitted: Fitted) -> np.ndarray:
+        """(N,) independent readings that a row is worth: those of one pose share what the arm misses."""
+        used, worth = fitted.weight > 0.0, np.ones(len(self.data))
+        _, poses = np.unique(self.groups()[used], return_inverse=True)
+        worth[used] = worth_of_rows((fitted.residual / fitted.sigma)[used], poses, fitted.spent)
+        return worth
+
     def repeats(self, residual: np.ndarray, used: np.ndarray) -> float | None:
         """Pure error of those rows (N,) bool that were measured at the same commanded pose in the same
-        session, by their residual (N, 3); None where there are few."""
-        groups = (self.groups() * (1 + self.data.session.max()) + self.data.session)[used]
-        if len(groups) - len(np.unique(groups)) < _LEAST_REPEATS:
-            return None
-        return repeat_scatter(residual[used], groups)
+        session, by their residual (N, 3); None where there are few. Readings without a move between them are
+        one visit, of which their mean is told: how well the arm comes back they do not show."""
+        stop = self._stops(used)
+        count = np.bincount(stop)
+        means = np.stack([np.bincount(stop, weights=column) for column in residual[used].T], axis=1)
+        groups = self._poses_by_session()[used][np.unique(stop, return_index=True)[1]]
+        return _scatter(means / count[:, None], groups)
+
+    def reading_noise(self, fitted: Fitted) -> float | None:
+        """The same, in units of sigma, of readings without a move between them; None where there are few."""
+        return _scatter((fitted.residual / fitted.sigma)[fitted.weight > 0.0, :3],
+                        self._stops(fitted.weight > 0.0))
+
+    def _stops(self, used: np.ndarray) -> np.ndarray:
+        """Numbers from 0 of the stops of the rows `used` (N,) bool: rows that follow each other in the order
+        of measurement and in the file, at one pose, approached one way. A column `visit` says of every row
+        that the arm came anew."""
+        data = self.data
+        if data.visit is not None:
+            return np.arange(used.sum())
+        order = np.argsort(self.order()[used], kind="stable")
+        approach = np.nan_to_num(data.joints.get("approach", np.zeros((len(data), 0))))
+        state = np.column_stack([self._poses_by_session(), data.file_index, data.row - np.arange(len(data)),
+                                 approach])
+        moved = np.any(np.diff(state[used][order], axis=0) != 0.0, axis=1)
+        stop = np.empty(len(order), dtype=int)
+        stop[order] = np.concatenate([[0], np.cumsum(moved)])
+        return stop
+
+    def _poses_by_session(self) -> np.ndarray:
+        return self.groups() * (1 + self.data.session.max()) + self.data.session
+
+
+def _scatter(residual: np.ndarray, groups: np.ndarray) -> float | None:
+    enough = len(groups) - len(np.unique(groups)) >= _LEAST_REPEATS
+    return repeat_scatter(residual, groups) if enough else None

@@ -95,7 +95,7 @@ def search_round(problem: Problem, at: At, noise: NoiseModel | None) -> Found | 
     if noise is not None and len(noise.weight) == len(at.residual):
         return _settled(problem, at, noise)
     asked = problem.noise_of(at.residual, at.jacobian.shape[2])
-    starts = [normal_noise(at.residual)]
+    starts = [normal_noise(at.residual, at.jacobian.shape[2], at.groups)]
     starts += [replace(asked, wandering=None)] if asked.family != "gauss" else []
     starts += [asked] if asked.wandering is not None else []
     found = [f for f in (_settled(problem, at, start) for start in starts) if f is not None]

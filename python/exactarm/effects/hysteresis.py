@@ -42,7 +42,6 @@ class Hysteresis(Effect):
     in_axis_units: ClassVar[bool] = True
     station: ClassVar[Station] = Station.SPRING
     kinds: ClassVar[tuple[str, ...]] = ALL_KINDS
-    compensable: ClassVar[bool] = True
     smooth: ClassVar[bool] = False
     sentence: ClassVar[
         str
@@ -55,11 +54,25 @@ class Hysteresis(Effect):
             return (size,)
         return (size, Parameter("reach_rad", 1e-3, 1e-6, 1.0, search=self.search))
 
+    @property
+    def runs_ahead(self) -> bool:
+        return bool(self.values) and self.values[0] < 0.0
+
+    @property
+    def compensable(self) -> bool:  # type: ignore[override]
+        """What runs ahead is a matter of the log: a pose that is driven to does not know it."""
+        return not self.runs_ahead
+
+    @property
+    def in_plain_words(self) -> str:
+        return "an angle that runs ahead of its motion (no friction does)" if self.runs_ahead else self.plain
+
     def caveat(self, covariance) -> str:
-        if self.values[0] >= 0.0:
+        if not self.runs_ahead:
             return ""
-        return ("the size is negative: the joint runs ahead of its motion, which no friction does; "
-                "check that approach is +1 where an axis came from smaller angles")
+        cause = ("or rows are not in the order of measurement" if self.by_rows
+                 else "or `approach` is not +1 where an axis came from smaller angles")
+        return f"the joint runs ahead of its motion: angles were logged before the arm stood still, {cause}"
 
     def describe(self) -> str:
         assumed = ", if every pose was reached straight from that of the row before" if self.by_rows else ""

@@ -17,8 +17,9 @@ import numpy as np
 from exactarm.chain import Layout, predict_poses
 from exactarm.data.dataset import Dataset
 from exactarm.first_aid.linear_frames import frames_of_stack, linear_frames
+from exactarm.first_aid.misfit import flanges
 from exactarm.first_aid.pose_candidates import Candidate, candidates, turned, with_angles
-from exactarm.first_aid.pose_mistakes import LEAST_ROWS, flanges, spread
+from exactarm.first_aid.pose_mistakes import LEAST_ROWS, spread
 from exactarm.first_aid.suspicion import FALL, Suspicion, in_order
 from exactarm.identify.frames import find_frames
 from exactarm.identify.reach import reach

@@ -92,7 +92,7 @@ def of_angles(robot: Robot, data: Dataset) -> Iterator[tuple[str, Dataset]]:
         for sign in (1.0, -1.0):
             words = (
                 f"axis {j + 1} counted {'from' if sign > 0 else 'with'} axis {i + 1}, as controllers of "
-                "coupled arms do"
+                f"coupled arms do ({_told_by(robot, i, j, sign)})"
             )
             yield words, with_joints(_coupled(i, j, sign, robot))
     if any(joint.has_gear for joint in robot.joints):
@@ -141,6 +141,15 @@ def _coupled(driver: int, axis: int, sign: float, robot: Robot) -> Callable[[np.
         return angles
 
     return change
+
+
+def _told_by(robot: Robot, driver: int, axis: int, sign: float) -> str:
+    """The line of the robot file that says so, beside the couplings that it declares."""
+    declared = {(i, j): factor for i, j, factor in robot.controller.coupling or ()}
+    pair = (axis + 1, driver + 1)
+    declared[pair] = declared.get(pair, 0.0) - sign
+    line = ", ".join(f"[{i}, {j}, {factor:.1f}]" for (i, j), factor in declared.items() if factor)
+    return f"`coupling = [{line}]` under `[controller]` of the robot file"
 
 
 def _of_units(data: Dataset) -> Iterator[tuple[str, Dataset]]:

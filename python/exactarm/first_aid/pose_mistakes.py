@@ -5,13 +5,14 @@ rows, the tool, the robot file), and the frames are fitted anew, by the two line
 `linear_frames`: the second RMS is an upper bound of the best one, so that no mistake is named that the frames
 could not confirm. Orientations are compared with the same rotation and the best rotation of the tool.
 A candidate is named where it lowers the error of positions or orientations `FALL` times and the other not by
-less. It only tells: nothing is corrected.
+less; of an error that arms have, where it leaves less than the calibrated arm (arm_itself.py). It only
+tells: nothing is corrected.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -19,19 +20,27 @@ from scipy.optimize import minimize_scalar
 from exactarm.chain import Layout, predict_poses
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import TRACKED_MOTION
+from exactarm.first_aid.arm_itself import left_by_geometry, left_standing
 from exactarm.first_aid.linear_frames import free_frames, least_left, linear_frames, solved
+from exactarm.first_aid.misfit import (
+    LEAST_ORIENTATION_RAD,
+    NOT_WORSE,
+    ROUNDED,
+    Misfit,
+    falls_of,
+    flanges,
+    least_rms,
+    misfit_of,
+    rms_searched,
+)
 from exactarm.first_aid.pose_candidates import ANOTHER_SIZE, FARTHEST_SIZE, candidates, scaled, with_angles
 from exactarm.first_aid.suspicion import FALL, Suspicion, in_order
-from exactarm.identify.frames import find_frames
 from exactarm.identify.reach import reach
 from exactarm.numerics.rotation import log as rotation_log
-from exactarm.numerics.rotation import nearest
 from exactarm.robot.robot import Placement, Robot
 
 MOST_ROWS = 120  # of a session, evenly spread: a mistake shows in every row
 LEAST_ROWS = 10  # of a session: 30 numbers for the 15 unknowns of the linear fit
-_NOT_WORSE = 1.2  # positions and orientations are both to fit
-_LEAST_ORIENTATION_RAD = 0.01  # arms are turned by less than they should be; a wrong convention by more
 _SCALES = (
     0.5,
     0.8,
@@ -51,29 +60,7 @@ _SPLITS = 15  # of a session's rows, at even distances
 _MOST_GROSS = 0.05  # share of rows that may be wrong by themselves
 _GROSS = 10.0  # times the median error of a row
 _ON_ITS_PLACE_M = 1e-6  # a turntable's flange: its points show neither unit nor base
-_ROUNDED = 1.0 + 1e-9
-_MOST_TOGETHER = 20000  # rows: a few megabytes
 _MOST_CHECKED = 20000  # rows, evenly spread, that are looked through for gross errors
-
-
-@dataclass(frozen=True)
-class Misfit:
-    """RMS of what the frames leave: position in m, orientation in rad (NaN where none is measured)."""
-
-    position: float
-    orientation: float = np.nan
-
-    def shares(self, other: Misfit) -> tuple[float, float]:
-        """How many times smaller the other is, in position and in orientation (1 where there is nothing to
-        compare)."""
-        position = self.position / max(other.position, 1e-12)
-        told = self.orientation > _LEAST_ORIENTATION_RAD and np.isfinite(other.orientation)
-        return position, self.orientation / max(other.orientation, 1e-9) if told else 1.0
-
-    def fall_to(self, other: Misfit) -> float:
-        """How many times smaller the other is where it is smaller, 0 where it is no better explanation."""
-        shares = self.shares(other)
-        return max(shares) if min(shares) >= 1.0 / _NOT_WORSE else 0.0
 
 
 def pose_mistakes(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -> list[Suspicion]:
@@ -84,25 +71,28 @@ def pose_mistakes(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -
     whole, data = data, data.select(rows)
     bare = replace(robot, base=Placement(), tool=Placement())
     flange = predict_poses(bare, carried, data, tangents=False)
-    now, size = _misfit_of(flange.position, flange.rotation, data, data.session, np.inf)
+    now, size = misfit_of(flange.position, flange.rotation, data, data.session, np.inf)
     if np.ptp(flange.position, axis=0).max() < _ON_ITS_PLACE_M:
         return in_order(list(_gross_rows(bare, carried, whole)))
-    now = replace(now, position=min(now.position, _searched(bare, carried, data, seed)))
+    now = replace(now, position=min(now.position, rms_searched(bare, carried, data, seed)))
     # What was found on this arm says nothing of another one, which may not even have the masses it needs.
     tried = [(words, other, carried if other.name == bare.name else Layout.of(()), changed)
              for words, other, changed in candidates(bare, data, whole, rows, size)]
-    turns = now.orientation > _LEAST_ORIENTATION_RAD
-    falls = _falls(now, data, [each[1:] for each in tried], 1.0 / _NOT_WORSE if turns else FALL)
+    turns = now.orientation > LEAST_ORIENTATION_RAD
+    falls = falls_of(now, data, [each[1:] for each in tried], 1.0 / NOT_WORSE if turns else FALL)
     found = [Suspicion(each[0], fall) for each, fall in zip(tried, falls) if fall >= FALL]
     found += _another_size(bare, carried, data, size, now, seed)
     found += _scaled_columns(bare, carried, data, now)
     found = found or list(_another_clock(bare, carried, data, now, seed))
     for further in (_scales_of_axes, _changes_midway):
         found = found or list(further(bare, carried, data, now))
+    if found and not turns and now.position < _SUSPICIOUS_SHARE * reach(bare):
+        geometry = left_by_geometry(bare, carried, data, seed)
+        found = [each for each in found if now.position / each.fall < geometry]
     found = found or list(_gross_rows(bare, carried, whole))
     # positions that an arm may miss by, or that a tenth of the turns would make at a lever of 0.3 m
-    least = max(_LEAST_ORIENTATION_RAD, 0.1 * np.nan_to_num(now.orientation))
-    told = now.orientation > _LEAST_ORIENTATION_RAD and now.position < 0.3 * least
+    least = max(LEAST_ORIENTATION_RAD, 0.1 * np.nan_to_num(now.orientation))
+    told = now.orientation > LEAST_ORIENTATION_RAD and now.position < 0.3 * least
     if not found and told and _turns_otherwise(bare, carried, data) > least:
         found.append(
             Suspicion(
@@ -131,80 +121,6 @@ def spread(count: int, most: int) -> np.ndarray:
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))
 
 
-def _searched(bare: Robot, carried: Layout, data: Dataset, seed: int) -> float:
-    """RMS with the frames as a calibration would find them."""
-    square = 0.0
-    for session in np.unique(data.session):
-        part = data.select(data.session == session)
-        square += len(part) * find_frames(bare, part, carried, seed).rms ** 2
-    return float(np.sqrt(square / len(data)))
-
-
-# -- the misfit of one candidate ---------------------------------------------------------------------
-def _falls(now: Misfit, data: Dataset, tried: Sequence[tuple[Robot, Layout, Dataset]],
-           least: float = 1.0 / _NOT_WORSE) -> list[float]:
-    """Of every arm, its effects, and rows in place of those of `data`: 0 where positions gain less than
-    `least` times, or nothing else gains. What no frames can explain is not looked at any closer."""
-    points, rotations = flanges(tried)
-    measured = np.stack([changed.position for *_, changed in tried])
-    left = _least_rms(points, rotations, measured, data.session)
-    most, falls = _NOT_WORSE * now.position, [0.0] * len(tried)
-    for k in np.flatnonzero(~(left > _ROUNDED * now.position / least)):
-        changed = tried[k][2]
-        falls[k] = now.fall_to(_misfit_of(points[k], rotations[k], changed, changed.session, most)[0])
-    return falls
-
-
-def _least_rms(points: np.ndarray, rotations: np.ndarray, measured: np.ndarray,
-               session: np.ndarray) -> np.ndarray:
-    """(K,) m: what no frames can lower, of K sets (K, N, ...) of rows."""
-    parts = [session == number for number in np.unique(session)]
-    square = sum(least_left(points[:, rows], rotations[:, rows], measured[:, rows]) for rows in parts)
-    return np.sqrt(square / len(session))
-
-
-def flanges(tried: Sequence[tuple[Robot, Layout, Dataset]]) -> tuple[np.ndarray, np.ndarray]:
-    """Positions (K, N, 3) and rotations (K, N, 3, 3) of the flange: data that differ in their angles
-    alone are evaluated together, save by effects, which may look at the order of rows."""
-    count, alike = len(tried[0][2]), {}
-    position, rotation = np.empty((len(tried), count, 3)), np.empty((len(tried), count, 3, 3))
-    for k, (robot, layout, _) in enumerate(tried):
-        alike.setdefault((id(robot), k if layout.effects else None), []).append(k)
-    for places in alike.values():
-        robot, layout, data = tried[places[0]]
-        for part in np.array_split(places, -(-len(places) * count // _MOST_TOGETHER)):
-            rows = data.select(np.tile(np.arange(count), len(part)))
-            joints = {name: np.concatenate([tried[k][2].joints[name] for k in part]) for name in data.joints}
-            flange = predict_poses(robot, layout, replace(rows, joints=joints), tangents=False)
-            position[part] = flange.position.reshape(-1, count, 3)
-            rotation[part] = flange.rotation.reshape(-1, count, 3, 3)
-    return position, rotation
-
-
-def _misfit_of(
-    points: np.ndarray, rotations: np.ndarray, data: Dataset, group: np.ndarray, most: float
-) -> tuple[Misfit, float]:
-    """The misfit of all groups of rows together, each with frames of its own, and how many times as far apart
-    as the robot says the points lie. Where positions are off by more than `most`, m, they may be off by even
-    more, and orientations are not looked at."""
-    position, orientation, bases, sizes = 0.0, np.nan, [], []
-    parts = [np.flatnonzero(group == number) for number in np.unique(group)]
-    for rows in parts:
-        enough = most * np.sqrt(len(points) / rows.size)
-        base, _, left, size = linear_frames(points[rows], rotations[rows], data.position[rows], enough)
-        bases.append(base)
-        sizes.append(size)
-        position += float(np.sum(left**2))
-    position = float(np.sqrt(position / len(points)))
-    if data.rotation is not None and not position > most:
-        orientation = 0.0
-        for rows, base in zip(parts, bases):
-            seen = np.swapaxes(rotations[rows], -1, -2) @ base.T @ data.rotation[rows]
-            orientation += float(np.sum(rotation_log(nearest(seen.mean(axis=0)).T @ seen) ** 2))
-        orientation = float(np.sqrt(orientation / len(points)))
-    return Misfit(position, orientation), float(np.mean(sizes))
-
-
 def _turns_otherwise(bare: Robot, carried: Layout, data: Dataset) -> float:
     """RMS, rad, of the angle between two rows as measured, less that of the arm: no frame changes either."""
     flange = predict_poses(bare, carried, data, tangents=False).rotation
@@ -225,8 +141,9 @@ def _another_size(
     if not ANOTHER_SIZE < abs(size - 1.0) or not 1.0 / FARTHEST_SIZE < size < FARTHEST_SIZE:
         return
     changed = replace(data, position=data.position / size)
-    fall = now.position / max(_searched(bare, carried, changed, seed), 1e-12)
-    if fall >= FALL:
+    left = max(rms_searched(bare, carried, changed, seed), 1e-12)
+    fall = now.position / left
+    if fall >= FALL and FALL * left < left_standing(changed):
         yield Suspicion(f"the file of an arm {1.0 / size:.3g} times as large as the measured one (or lengths "
                         f"of the device {size:.3g} times too large)", fall)
 
@@ -245,7 +162,7 @@ def _scaled_columns(bare: Robot, carried: Layout, data: Dataset, now: Misfit) ->
     if not ANOTHER_SIZE < abs(factors[k] - 1.0) or not 1.0 / FARTHEST_SIZE < factors[k] < FARTHEST_SIZE:
         return
     changed = replace(data, position=data.position * np.where(np.arange(3) == k, factors[k], 1.0))
-    fall, = _falls(now, data, [(bare, carried, changed)])
+    fall, = falls_of(now, data, [(bare, carried, changed)])
     if fall >= FALL:
         yield Suspicion(f"column {'xyz'[k]} alone {factors[k]:.3g} times as large (inches or feet?)", fall)
 
@@ -273,16 +190,16 @@ def _another_clock(
 
     def left(factor: float) -> float:
         changed, within = meant(factor)
-        return _searched(bare, carried, changed.select(within), seed)
+        return rms_searched(bare, carried, changed.select(within), seed)
 
     tried = [meant(factor) for factor in _CLOCKS]
     points, rotations = flanges([(bare, carried, changed) for changed, _ in tried])
-    least = [float(_least_rms(points[[k]][:, within], rotations[[k]][:, within],
+    least = [float(least_rms(points[[k]][:, within], rotations[[k]][:, within],
                               data.position[None, within], data.session[within])[0])
              for k, (_, within) in enumerate(tried)]
     lowest, factor = np.inf, 1.0
     for k in np.argsort(least):  # no clock leaves less than what any frames do
-        if least[k] < _ROUNDED * lowest and (found := left(_CLOCKS[k])) < lowest:
+        if least[k] < ROUNDED * lowest and (found := left(_CLOCKS[k])) < lowest:
             lowest, factor = found, _CLOCKS[k]
     best = minimize_scalar(left, bounds=(factor / _CLOCK_STEP, factor * _CLOCK_STEP), method="bounded",
                            options={"maxiter": 40, "xatol": 1e-5})
@@ -294,11 +211,11 @@ def _another_clock(
 
 def _scales_of_axes(bare: Robot, carried: Layout, data: Dataset, now: Misfit) -> Iterator[Suspicion]:
     """One axis turns by another factor than its angles say: a wrong gear ratio."""
-    if now.position < _SUSPICIOUS_SHARE * reach(bare) and not now.orientation > _LEAST_ORIENTATION_RAD:
+    if now.position < _SUSPICIOUS_SHARE * reach(bare) and not now.orientation > LEAST_ORIENTATION_RAD:
         return
 
     def falls(pairs: list[tuple[int, float]]) -> list[float]:
-        return _falls(now, data, [(bare, carried, with_angles(data, scaled([axis], factor)))
+        return falls_of(now, data, [(bare, carried, with_angles(data, scaled([axis], factor)))
                                   for axis, factor in pairs])
 
     pairs = [(i, factor) for i in range(bare.axes) for factor in _SCALES]
@@ -319,7 +236,7 @@ def _scales_of_axes(bare: Robot, carried: Layout, data: Dataset, now: Misfit) ->
 
 def _changes_midway(bare: Robot, carried: Layout, data: Dataset, now: Misfit) -> Iterator[Suspicion]:
     """From some row on, another tool or another place of the device."""
-    flange, most = predict_poses(bare, carried, data, tangents=False), _NOT_WORSE * now.position
+    flange, most = predict_poses(bare, carried, data, tangents=False), NOT_WORSE * now.position
     for session in np.unique(data.session):
         rows = np.flatnonzero(data.session == session)
         if rows.size < 2 * LEAST_ROWS:
@@ -335,8 +252,8 @@ def _changes_midway(bare: Robot, carried: Layout, data: Dataset, now: Misfit) ->
             for place, least in zip(places, np.sqrt(square / len(data))):
                 group = data.session * 2
                 group[rows[place:]] += 1
-                found.append(0.0 if least > _ROUNDED * most else now.fall_to(
-                    _misfit_of(flange.position, flange.rotation, data, group, most)[0]))
+                found.append(0.0 if least > ROUNDED * most else now.fall_to(
+                    misfit_of(flange.position, flange.rotation, data, group, most)[0]))
             return found
 
         last = rows.size - LEAST_ROWS
@@ -345,7 +262,9 @@ def _changes_midway(bare: Robot, carried: Layout, data: Dataset, now: Misfit) ->
         near = (last - LEAST_ROWS) // _SPLITS + 1
         places = np.arange(max(rough - near, LEAST_ROWS), min(rough + near, last) + 1)
         best = max(zip(falls(places), rows[places].tolist()))
-        if best[0] >= FALL:
+        if best[0] >= FALL and now.position / best[0] * FALL < min(
+            left_standing(data.select(part)) for part in (rows[rows < best[1]], rows[rows >= best[1]])
+        ):
             at = best[1]
             yield Suspicion(
                 f"another tool, target or device frame from about {data.place_of(at)} on (two sessions)",

@@ -15,8 +15,9 @@ from dataclasses import replace
 import numpy as np
 
 from exactarm.data.dataset import Dataset
+from exactarm.first_aid.misfit import flanges
 from exactarm.first_aid.pose_candidates import of_angles
-from exactarm.first_aid.pose_mistakes import flanges, spread
+from exactarm.first_aid.pose_mistakes import spread
 from exactarm.first_aid.suspicion import FALL, Suspicion, in_order
 from exactarm.identify.declared import carried_layout
 from exactarm.identify.judged_rows import JUDGED_FROM, touched_contacts

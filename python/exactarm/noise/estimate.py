@@ -51,25 +51,26 @@ def estimate_noise(
             further += [scales, scales + 2.0]  # share and width of the gross rows
     price = 0.5 * np.log(rows) * np.array(further)
     values = np.array([model.log_likelihood for model in found]) - price
-    best = _with_visits(found[int(np.argmax(values))], e, visits)
+    best = _with_visits(found[int(np.argmax(values))], residual, lost, visits)
     if order is None:
         return best
     # Jumps of an instrument look like heavy tails as long as nothing is known of them: a normal law is tried
     # beside the best.
     normal = max((k for k, model in enumerate(found) if model.family == "gauss"), key=lambda k: values[k])
-    tried = {int(np.argmax(values)): best} | {normal: _with_visits(found[normal], e, visits)}
+    tried = {int(np.argmax(values)): best} | {normal: _with_visits(found[normal], residual, lost, visits)}
     wandering = {k: _wandering(model, e, order) for k, model in tried.items()}
     gain = {k: values[k] + (model.wandering.gain if model.wandering is not None else 0.0)
             for k, model in wandering.items()}
     return wandering[max(gain, key=lambda k: gain[k])]
 
 
-def _with_visits(noise: NoiseModel, e: np.ndarray, visits: np.ndarray | None) -> NoiseModel:
-    """With what visits of one pose share."""
+def _with_visits(noise: NoiseModel, residual: np.ndarray, lost: float,
+                 visits: np.ndarray | None) -> NoiseModel:
+    """With what visits of one pose share, by the residuals (N, m) as the fit has left them."""
     if visits is None:
         return noise
     numbers = np.unique(visits, return_inverse=True)[1]
-    shared, within = _shared(e / noise.sigma, noise.weight, numbers)
+    shared, within = _shared(residual / noise.sigma, noise.weight, numbers, lost)
     return replace(noise, sigma=noise.sigma * np.sqrt(within), visits=numbers, shared=shared)
 
 
@@ -85,9 +86,9 @@ def _white(noise: NoiseModel, e: np.ndarray) -> np.ndarray:
     return noise.whiten(e[:, :, None]).reshape(e.shape)
 
 
-def normal_noise(residual: np.ndarray) -> NoiseModel:
+def normal_noise(residual: np.ndarray, lost: float = 0.0, visits: np.ndarray | None = None) -> NoiseModel:
     """One normal law for residuals (N, m), every row of full weight."""
-    return _student(residual, _kinds(residual), np.inf)
+    return _with_visits(_student(residual, _kinds(residual), np.inf), residual, lost, visits)
 
 
 def _kinds(residual: np.ndarray) -> np.ndarray:
@@ -184,19 +185,21 @@ def _row_weight(square: np.ndarray, m: int, nu: float) -> np.ndarray:
     return (nu + m) / (nu + square) if np.isfinite(nu) else np.ones(len(square))
 
 
-def _shared(white: np.ndarray, weight: np.ndarray, visits: np.ndarray) -> tuple[float, float]:
+def _shared(white: np.ndarray, weight: np.ndarray, visits: np.ndarray, lost: float) -> tuple[float, float]:
     """Variance that the visits of a pose share, in units of that within, and that within (analysis of
-    variance, by moments)."""
+    variance, by moments). A fit takes its share of what the poses have in common, next to nothing of what
+    visits differ by: all `lost` parameters are those of the means."""
     counts = np.bincount(visits, weights=(weight > 0.0).astype(float))
     within_freedom = float(np.sum(np.maximum(counts - 1.0, 0.0)))
     if within_freedom < _LEAST_ROWS_A_VISIT:
         return 0.0, 1.0
+    m = white.shape[1]
     total = np.bincount(visits, weights=weight)
-    sums = [np.bincount(visits, weights=weight * white[:, k]) for k in range(white.shape[1])]
+    sums = [np.bincount(visits, weights=weight * white[:, k]) for k in range(m)]
     means = np.stack(sums, axis=1) / np.maximum(total, 1e-300)[:, None]
     inside = weight[:, None] * (white - means[visits]) ** 2
-    within = max(float(np.sum(inside)) / (within_freedom * white.shape[1]), _LEAST_WITHIN)
+    within = max(float(np.sum(inside)) / (within_freedom * m), _LEAST_WITHIN)
     used = total > 0.0
-    between = float(np.sum(total[used, None] * means[used] ** 2)) / (used.sum() * white.shape[1])
+    between = float(np.sum(total[used, None] * means[used] ** 2)) / max(used.sum() * m - lost, 1.0)
     shared = (between / within - 1.0) / float(np.mean(total[used]))
     return (shared, within) if shared > 0.0 else (0.0, 1.0)
