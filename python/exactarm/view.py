@@ -118,18 +118,15 @@ class View:
         """(n,) rad/s, output side: within it dry friction turns over."""
         return np.full(self.axes, SIGN_WIDTH_RAD_S)
 
-    def dry_samples(self, index: int) -> tuple[np.ndarray, np.ndarray] | None:
-        """Sign of the dry friction of an axis (from 0) and its rate on the output side, (S,) each, at every
-        sample of the log behind the rows; None where the rows are all there is."""
+    def dry_friction(self, index: int, law: Callable | None = None) -> np.ndarray | None:
+        """(N,) of a law of the sign of an axis' (from 0) dry friction and of its rate on the output side, or
+        of the sign itself: mean over the samples of the log that a row stands for. None where rows are all
+        there is."""
         return None
 
     def sign_by_angle(self, index: int) -> np.ndarray | None:
         """(N,) slope of that sign by the angle on the output side, where the angle tells it."""
         return None
-
-    def gathered(self, values: np.ndarray) -> np.ndarray:
-        """(N, ...) of the rows from (S, ...) of such samples."""
-        return values
 
     @property
     def swing(self) -> np.ndarray:

@@ -39,7 +39,7 @@ def result():
 def test_every_picture_has_its_own_axis_on_the_abscissa_and_lowers_its_own_error(result):
     assert {c.effect.joint for c in result.contributions} >= {3}
     for c in result.contributions:
-        assert c.effect.joint is None or f"axis {c.effect.joint}" in c.signal, (c.effect.title, c.signal)
+        assert c.effect.joint is None or c.signal.axis == c.effect.joint, (c.effect.title, c.signal)
         assert c.rms[1] < c.rms[0]
 
 

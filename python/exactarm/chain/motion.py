@@ -54,28 +54,27 @@ class MotionView(View):
     def sign_width(self) -> np.ndarray:
         return self.evaluated[2].dry.width
 
-    def dry_samples(self, index: int) -> tuple[np.ndarray, np.ndarray] | None:
+    def dry_friction(self, index: int, law: Callable | None = None) -> np.ndarray | None:
         record = self.evaluated[2]
         samples = record.samples
         if samples is None:
             return None
-        angle, rate = samples.angle[:, index], samples.rate[:, index]
-        if np.any(moved := (self.theta - record.theta)[:, index]):
-            ratio = self.robot.controller_ratios[index]
-            faster = (self.signals["theta_dot"] - record.theta_dot)[:, index]
-            angle, rate = (own + samples.spread(change, record.runs) / ratio
-                           for own, change in ((angle, moved), (rate, faster)))
-        return record.dry.sign(index, rate, angle, samples.runs), rate
+        moved = self.theta[:, index] - record.theta[:, index]
+        if not moved.any():
+            sign, mean = record.dry_sign(index)
+            return mean if law is None else samples.gathered(law(sign, samples.rate[:, index]))
+        faster = self.signals["theta_dot"][:, index] - record.theta_dot[:, index]
+        ratio = self.robot.controller_ratios[index]
+        angle, rate = (own[:, index] + samples.spread(change, record.runs) / ratio
+                       for own, change in ((samples.angle, moved), (samples.rate, faster)))
+        sign = record.dry.sign(index, rate, angle, samples.runs)
+        return samples.gathered(sign if law is None else law(sign, rate))
 
     def sign_by_angle(self, index: int) -> np.ndarray | None:
         samples, dry = self.evaluated[2].samples, self.evaluated[2].dry
         if samples is None or not dry.reach[index]:
             return None
         return samples.gathered(dry.slope(index, samples.angle[:, index], samples.runs))
-
-    def gathered(self, values: np.ndarray) -> np.ndarray:
-        samples = self.evaluated[2].samples
-        return values if samples is None else samples.gathered(values)
 
     @property
     def swing(self) -> np.ndarray:

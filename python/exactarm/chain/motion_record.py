@@ -77,6 +77,18 @@ class MotionRecord:
     def keep(self) -> np.ndarray:
         return self.inside & ~self.at_reversal & ~self.dry.unsettled(self)
 
+    @cached_property
+    def _dry_signs(self) -> dict[int, tuple[np.ndarray, np.ndarray]]:
+        return {}
+
+    def dry_sign(self, index: int) -> tuple[np.ndarray, np.ndarray]:
+        """Sign of the dry friction of an axis (from 0) as its motor was logged: (S,) and gathered (N,)."""
+        if index not in self._dry_signs:
+            log = self.samples
+            sign = self.dry.sign(index, log.rate[:, index], log.angle[:, index], log.runs)
+            self._dry_signs[index] = sign, log.gathered(sign)
+        return self._dry_signs[index]
+
     @property
     def measured_axes(self) -> np.ndarray:
         """Axes (from 0) whose torque was measured."""

@@ -37,14 +37,15 @@ def smooth_sign(rate: np.ndarray, width=SIGN_WIDTH_RAD_S, swing=0.0) -> tuple[np
     return mean, (np.tanh(high) - np.tanh(low)) / (2.0 * swing)
 
 
-def over_samples(view, index: int, law: Law = lambda sign, rate: sign) -> np.ndarray:
-    """(N,) of a law of friction of one axis (from 0), a function of its sign and its rate on the output side:
-    mean over the samples of the log that a row stands for."""
-    samples = view.dry_samples(index)
-    if samples is not None:
-        return view.gathered(law(*samples))
+def over_samples(view, index: int, law: Law | None = None) -> np.ndarray:
+    """(N,) of a law of friction of one axis (from 0), a function of its sign and its rate on the output side,
+    or of the sign: mean over the samples of the log that a row stands for."""
+    found = view.dry_friction(index, law)
+    if found is not None:
+        return found
     rate = view.signals["theta_dot"][:, index] / view.robot.controller_ratios[index]
-    return law(smooth_sign(rate, view.sign_width[index], view.swing[:, index])[0], rate)
+    sign = smooth_sign(rate, view.sign_width[index], view.swing[:, index])[0]
+    return sign if law is None else law(sign, rate)
 
 
 def sign_slopes(view, index: int) -> tuple[np.ndarray, np.ndarray]:
