@@ -114,6 +114,7 @@ def read_again(seed: int, readings: int):
     return robot, data
 
 
+@pytest.mark.slow
 def test_readings_of_one_touch_narrow_no_interval():
     width = {}
     for readings in (1, READINGS):
@@ -125,6 +126,7 @@ def test_readings_of_one_touch_narrow_no_interval():
     assert np.median(ratios) == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_row_counts_for_its_worth_as_if_it_were_there_so_often():
     """Every row given twice at half its worth is the data given once."""
     robot, data = read_again(4, 1)

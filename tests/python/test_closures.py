@@ -227,6 +227,7 @@ def test_identifiable_says_in_words_what_touches_do_not_show(tmp_path):
     assert "a_4_m" in said["identifiable"] and "d_7_m" not in said["identifiable"]
 
 
+@pytest.mark.slow
 def test_a_tool_that_was_mounted_anew_gets_its_own_point():
     """Two places with one tool, then two with another, 2 mm off; a session that no row belongs to takes the
     first."""

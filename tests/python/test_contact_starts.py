@@ -49,7 +49,8 @@ def touched_blocks(name: str, seed: int) -> tuple[VirtualRobot, Dataset]:
     return robot, data
 
 
-@pytest.mark.parametrize("name", ["ur10", "panda", "tx40"])
+@pytest.mark.parametrize("name", ["panda", *(pytest.param(name, marks=pytest.mark.slow)
+                                             for name in ("ur10", "tx40"))])
 def test_small_faces_are_found_with_an_unknown_tool(name):
     """Around a wrong tool a face lay across its touches and stayed there, 9 to 43 mm off; an arm of this
     deviation misses its faces by 2 to 4 mm at most (seeds 0 to 2 of each arm;

@@ -6,6 +6,7 @@ Seeds: none exchanged; with 10, 20, 30 and 40 added to them both tests hold as w
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 import exactarm as ea
 from exactarm.data.dataset import write_dataset
@@ -24,6 +25,7 @@ def test_the_noise_of_copied_rows_is_shared_by_them_and_of_its_size():
     assert np.isfinite(noise.whiten(np.tile(e, (2, 1))[:, :, None])).all() and noise.shared < 1e7
 
 
+@pytest.mark.slow
 def test_a_diagnosis_of_copied_rows_ends_and_finds_the_noise():
     random = np.random.default_rng(2)
     arm = six_axis(placed=False)

@@ -86,7 +86,8 @@ def test_a_foreign_effect_is_drafted_accepted_and_found_by_its_name(name, tmp_pa
     assert not second["drafts"]
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3))])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
 def test_nothing_is_drafted_on_clean_data(seed):
     assert not diagnose(*poses(lambda q, h: 0.0, seed=20 + seed)).drafts
 

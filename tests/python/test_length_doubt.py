@@ -23,6 +23,7 @@ def with_radii(data, factor: float):
     return replace(data, fixture=replace(data.fixture, radii=radii))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("contact", "count"), [("sphere", 30), ("bar", 30), ("plane", 20), ("socket", 15)])
 def test_right_lengths_are_not_doubted(contact, count):
     for effects in ((), (ECCENTRICITY,)):
@@ -30,6 +31,7 @@ def test_right_lengths_are_not_doubted(contact, count):
         assert doubts(robot, data) == []
 
 
+@pytest.mark.slow
 def test_a_diameter_in_place_of_a_radius_is_told():
     robot, data = touched("panda", "sphere", 5, count=30)
     assert data.fixture.radii
@@ -37,6 +39,7 @@ def test_a_diameter_in_place_of_a_radius_is_told():
     assert line.startswith("radius of sphere") and line.endswith("is a diameter given for a radius?")
 
 
+@pytest.mark.slow
 def test_a_diagnosis_doubts_a_length_in_the_same_words_as_a_calibration():
     """And no right length, whatever the arm lacks."""
     told = lambda robot, data: [line for line in command.diagnose(robot.nominal, data, threads=1)["warnings"]
@@ -49,6 +52,7 @@ def test_a_diagnosis_doubts_a_length_in_the_same_words_as_a_calibration():
     assert line.startswith("radius of sphere") and line.endswith("is a diameter given for a radius?")
 
 
+@pytest.mark.slow
 def test_a_fit_that_did_not_converge_doubts_nothing():
     """Of rows with wrong numbers the touches said 2.36e8 mm."""
     robot, data = touched("panda", "sphere", 5, count=30)

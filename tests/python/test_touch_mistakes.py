@@ -22,7 +22,8 @@ MISTAKES = {
     "degrees labelled as radians": lambda q: q * 180 / np.pi,
     "radians labelled as degrees": lambda q: q * np.pi / 180,
 }
-CONTACTS = [("panda", "socket"), ("panda", "plane"), ("ur10", "sphere"), ("ur10", "bar"), ("panda", "pair")]
+CONTACTS = [("panda", "socket"), ("ur10", "sphere"), ("ur10", "bar"),
+            *(pytest.param("panda", contact, marks=pytest.mark.slow) for contact in ("plane", "pair"))]
 
 
 def with_angles(data: Dataset, change) -> Dataset:
@@ -75,6 +76,7 @@ def test_a_single_face_and_a_few_touches_accuse_nothing():
     assert first_aid(robot.nominal, with_angles(few, MISTAKES["axes 2 and 3 exchanged"])) == ()
 
 
+@pytest.mark.slow
 def test_the_refusal_of_touches_names_the_mistake(tmp_path, capsys):
     lines = (data_path("ball_in_socket") / "panda_7.csv").read_text().splitlines()
     column = next(row for row in lines if not row.startswith("#")).split(",").index("q_4_rad")
