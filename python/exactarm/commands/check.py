@@ -30,9 +30,10 @@ from exactarm.report import Estimate, Figure, Highlight, Highlights, Quantity, R
 from exactarm.report.numbers import quantity
 from exactarm.report.plots.change import MOST, statistic_over_days
 from exactarm.robot.robot import Robot
-from exactarm.verify.change import Cause, Change, detect, detectable
+from exactarm.verify.change import Alarms, detect, detectable
 from exactarm.verify.copied_rows import copied_lines
 from exactarm.verify.daily import Daily, daily
+from exactarm.verify.explanation import Cause, Explanation, explain
 
 NOT_SEEN = 0.1  # rad, m: what moves so far is seen without a check
 NAME = "check"
@@ -41,6 +42,10 @@ UNUSED_OPTIONS = ("threads",)
 WRITES = (*PICTURES, "days.csv")
 DAYS_A_YEAR = 250.0  # working days on which the poses are measured
 FEW_DAYS = 5  # within which a change is to be seen, for the table of what the check can see
+MOVES = (
+    "base_...: translation and rotation vector of the move, about the old origin of the base and in its old "
+    "axes; tool_...: move of the target in the axes of the flange."
+)
 UNEXPLAINED = 0.01  # p-value below which no single one of the parameters explains the change
 
 
@@ -98,22 +103,23 @@ def check(
     days = [(_label(each, i), poses(each)) for i, each in enumerate(files, start=1)]
     progress.stage(SERIES)
     _require_new(reference, days)
-    with suspicions(arm, reference, *(data for _, data in days)) as found:
+    with suspicions(arm, reference, *(data for _, data in days)) as suspected:
         series = daily(arm, reference, days, seed)
     progress.stage(DETECTING)
     change = detect(series.before, series.days, series.hypotheses, days_per_year)
+    found = explain(series.before, series.days, series.hypotheses, change, series.displaced)
     options = {"days_per_year": days_per_year}
     told = asked("check", robot, None, seed, options, {"days_per_year": DAYS_A_YEAR})
     sources = tuple(source for data in (reference, *(data for _, data in days)) for source in data.sources)
     return CommandResult(
-        json=_json(series, change, days_per_year),
-        report=_report(arm, series, change, days_per_year),
+        json=_json(series, change, found, days_per_year),
+        report=_report(arm, series, change, found, days_per_year),
         tables={"days.csv": _table(series, change)},
         asked=replace(
             told, line=_line(robot, before, files, days_per_year, columns, seed),
             files=(*told.files, *sources),
         ),
-    ).warned((*found, *copied_lines(series.copied, change.sigma)))
+    ).warned((*suspected, *copied_lines(series.copied, found.sigma)))
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:
@@ -162,19 +168,19 @@ def _require_new(before: Dataset, days: Sequence[tuple[str, Dataset]]) -> None:
 
 
 # -- what it says ----------------------------------------------------------------------------------------
-def _json(series: Daily, change: Change, days_per_year: float) -> dict[str, Any]:
-    best = change.causes[0]
+def _json(series: Daily, change: Alarms, found: Explanation, days_per_year: float) -> dict[str, Any]:
+    best = found.causes[0]
     moved = change.alarm is not None
     return {
         "moved": moved,
-        "verdict": _verdict_key(change),
+        "verdict": _verdict_key(change, found),
         "alarm": series.labels[change.alarm] if change.alarm is not None else None,
         "since": _since(series, best) if moved else None,
-        "causes": [_cause(cause, series) for cause in change.causes if moved and _named(cause, change)],
-        "cannot_be_told_apart": [best.name, *change.apart] if moved and change.apart else [],
-        "unexplained_p": change.unexplained if moved else None,
-        "noise_m": change.sigma,
-        "noise_degrees_of_freedom": change.freedom,
+        "causes": [_cause(cause, series) for cause in found.causes if moved and _named(cause, found)],
+        "cannot_be_told_apart": [best.name, *found.apart] if moved and found.apart else [],
+        "unexplained_p": found.unexplained if moved else None,
+        "noise_m": found.sigma,
+        "noise_degrees_of_freedom": found.freedom,
         "noise_source": series.noise,
         "boundary": change.boundary,
         "days_per_year": days_per_year,
@@ -185,20 +191,30 @@ def _json(series: Daily, change: Change, days_per_year: float) -> dict[str, Any]
         "check_poses": len(series.poses),
         "detectable": [
             {"parameter": name, "within_days": FEW_DAYS, "size": size}
-            for name, size in _detectable(series, change)
+            for name, size in _detectable(series, change, found)
         ],
-        "warnings": list(series.warnings),
+        "warnings": _warnings(series, change),
     }
 
 
-def _verdict_key(change: Change) -> str:
+def _warnings(series: Daily, change: Alarms) -> list[str]:
+    noisy = [
+        f"{label}: {1.0 / np.sqrt(weight):.2g} times the scatter of BEFORE away from BEFORE and from every "
+        "other day; it counts the less"
+        for label, weight in zip(series.labels, change.weights, strict=True)
+        if weight < 1.0
+    ]
+    return [*series.warnings, *noisy]
+
+
+def _verdict_key(change: Alarms, found: Explanation) -> str:
     if change.alarm is None:
         return "nothing_moved"
-    return "moved_unexplained" if change.unexplained < UNEXPLAINED else "moved"
+    return "moved_unexplained" if found.unexplained < UNEXPLAINED else "moved"
 
 
-def _named(cause: Cause, change: Change) -> bool:
-    return cause is change.causes[0] or cause.name in change.apart
+def _named(cause: Cause, found: Explanation) -> bool:
+    return cause is found.causes[0] or cause.name in found.apart
 
 
 def _since(series: Daily, cause: Cause) -> dict[str, Any]:
@@ -218,12 +234,12 @@ def _cause(cause: Cause, series: Daily) -> dict[str, Any]:
     }
 
 
-def _detectable(series: Daily, change: Change) -> list[tuple[str, float]]:
+def _detectable(series: Daily, change: Alarms, found: Explanation) -> list[tuple[str, float]]:
     """Size of each parameter's change (rad, m) that is seen within `FEW_DAYS` days on the mean."""
     return [
         (
             name,
-            change.sigma
+            found.sigma
             * detectable(h, i, series.occasions, FEW_DAYS, change.boundary, len(series.hypotheses)),
         )
         for h in series.hypotheses
@@ -231,33 +247,33 @@ def _detectable(series: Daily, change: Change) -> list[tuple[str, float]]:
     ]
 
 
-def _table(series: Daily, change: Change) -> dict[str, Any]:
+def _table(series: Daily, change: Alarms) -> dict[str, Any]:
     columns: dict[str, Any] = {"day": list(series.labels), "statistic": change.statistic}
     for k in range(len(series.poses)):
         columns |= {f"moved_{k + 1}_{axis}_m": series.moved[:, k, i] for i, axis in enumerate("xyz")}
     return columns
 
 
-def _sentence(series: Daily, change: Change, days_per_year: float) -> str:
+def _sentence(series: Daily, change: Alarms, found: Explanation, days_per_year: float) -> str:
     rate = f"at most one false alarm in {days_per_year:g} days"
     if change.alarm is None:
         days = f"{len(series.labels)} days tell" if len(series.labels) > 1 else "one day tells"
         return f"Nothing has moved, as far as {days} (the test allows {rate})."
-    best = change.causes[0]
+    best = found.causes[0]
     since = _since(series, best)
     span = (
         since["day"]
         if since["ci95"][0] == since["ci95"][1]
         else f"{since['day']} (95 %: {since['ci95'][0]} to {since['ci95'][1]})"
     )
-    if change.unexplained < UNEXPLAINED:
+    if found.unexplained < UNEXPLAINED:
         return (
             f"Something has moved since {span}, and no single one of the zeros, base or tool explains it; "
             f"nearest: {best.name}. "
             f"Alarm on {series.labels[change.alarm]} ({rate})."
         )
-    names = " or ".join([best.name, *change.apart])
-    what = f"The {names}" + (" (these poses cannot tell them apart)" if change.apart else "")
+    names = " or ".join([best.name, *found.apart])
+    what = f"The {names}" + (" (these poses cannot tell them apart)" if found.apart else "")
     return f"{what} has moved since {span}{_size(best)}. Alarm on {series.labels[change.alarm]} ({rate})."
 
 
@@ -270,27 +286,31 @@ def _size(cause: Cause) -> str:
     return f" by {quantity(float(np.linalg.norm(cause.estimate[:3])), 'm')}"
 
 
-def _report(robot: Robot, series: Daily, change: Change, days_per_year: float) -> Report:
+def _report(
+    robot: Robot, series: Daily, change: Alarms, found: Explanation, days_per_year: float
+) -> Report:
     moved = change.alarm is not None
-    best = change.causes[0]
+    best = found.causes[0]
     distance = np.linalg.norm(series.moved, axis=2)
     last = distance[-1][np.isfinite(distance[-1])]
     sections: list[Any] = [
-        Warnings(series.warnings),
+        Warnings(tuple(_warnings(series, change))),
         Highlights(
             (
                 Highlight(
                     "last day, largest move of a pose",
                     Quantity(float(last.max()) if last.size else None, "m"),
                 ),
-                Highlight("noise of a coordinate", Quantity(change.sigma, "m")),
+                Highlight("noise of a coordinate", Quantity(found.sigma, "m")),
                 Highlight(f"evidence of a change, 1e12 at most (alarm at {change.boundary:g})",
                           Quantity(min(float(change.statistic[-1]), MOST), "")),
             )
         ),
     ]
     if moved:
-        sections.append(after_check(change.unexplained < UNEXPLAINED, "base" in (best.name, *change.apart)))
+        last = len(series.labels) - 1
+        base = "base" in (best.name, *found.apart)
+        sections.append(after_check(found.unexplained < UNEXPLAINED, base, change.alarm == last))
         rows = [
             (
                 cause.name,
@@ -299,8 +319,8 @@ def _report(robot: Robot, series: Daily, change: Change, days_per_year: float) -
                 f"{cause.probability:.3f}",
                 series.labels[cause.first_day],
             )
-            for cause in change.causes
-            if _named(cause, change)
+            for cause in found.causes
+            if _named(cause, found)
             for name, value, (low, high) in zip(
                 cause.parameters, cause.estimate, cause.intervals, strict=True
             )
@@ -310,7 +330,8 @@ def _report(robot: Robot, series: Daily, change: Change, days_per_year: float) -
                 "What has moved",
                 ("cause", "parameter", "change (95 %)", "probability", "since"),
                 tuple(rows),
-                "Causes that explain the days equally well stand below each other." if change.apart else "",
+                MOVES + (" Causes that explain the days equally well stand below each other." if found.apart
+                         else ""),
             )
         )
     since = best.days if moved else None
@@ -323,7 +344,7 @@ def _report(robot: Robot, series: Daily, change: Change, days_per_year: float) -
                 change.statistic,
                 change.boundary,
                 distance,
-                float(np.sqrt(3.0)) * change.sigma,
+                float(np.sqrt(3.0)) * found.sigma,
                 change.alarm,
                 since,
             ),
@@ -336,7 +357,7 @@ def _report(robot: Robot, series: Daily, change: Change, days_per_year: float) -
             "What this check can see",
             ("parameter", f"seen within {FEW_DAYS} days"),
             tuple((name, Quantity(size, unit_of(name)) if size < NOT_SEEN else "not by these poses")
-                  for name, size in _detectable(series, change)),
+                  for name, size in _detectable(series, change, found)),
             "A change of this size raises the alarm within so many days, with noise at its mean.",
         ),
         Text(
@@ -353,7 +374,7 @@ def _report(robot: Robot, series: Daily, change: Change, days_per_year: float) -
     ]
     return Report(
         f"Check of {robot.name}",
-        _sentence(series, change, days_per_year),
+        _sentence(series, change, found, days_per_year),
         tuple(sections),
         "bad" if moved else "good",
     )

@@ -61,10 +61,16 @@ def next_steps(robot: Robot, kind: Kind, before: float, after: float, worse: boo
     return Text(HEADING, tuple(lines))
 
 
-def after_check(unexplained: bool, base: bool = False) -> Text:
-    """After an alarm: these few poses detect, they do not calibrate. base: it may be the base."""
+def after_check(unexplained: bool, base: bool = False, one_day: bool = False) -> Text:
+    """After an alarm: these few poses detect, they do not calibrate. base: it may be the base; one_day: only
+    the last day tells of it."""
+    again = (
+        "One day alone tells of it: measure the poses once more before anything else. A day of larger noise "
+        "looks alike.",
+    ) if one_day else ()
     if unexplained:
         return Text(HEADING, (
+            *again,
             "Measure some fifty poses and run `exactarm diagnose`: it tells what these few poses cannot. "
             "Until then the robot file is not to be trusted.",
         ))
@@ -73,6 +79,7 @@ def after_check(unexplained: bool, base: bool = False) -> Text:
         "that BEFORE does not have.",
     ) if base else ()
     return Text(HEADING, (
+        *again,
         *anew,
         "See what happened: a collision, a belt that slipped or new mastering moves a zero; a push moves the "
         "base or the instrument; mounting the target anew moves the tool.",

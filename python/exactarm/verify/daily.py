@@ -4,22 +4,20 @@
 The residual of every row against the robot file, with base and tool frame as BEFORE shows them, averaged over
 the visits of a pose on a day, in the robot's base frame. Its level in BEFORE is what the model errs there and
 counts for nothing; its scatter there is the noise. Rows of another `session` than BEFORE's are seen from
-another place: the base is found anew that day, by the points of the check as one rigid body, and the numbers
-that this takes are left out. Positions alone.
+another place: the base is found anew that day, by the points of the check as one rigid body, displaced as the
+cause in question says, and the numbers that this takes are left out. Positions alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import special
 
-from exactarm.chain import Layout, predict_poses
 from exactarm.data.dataset import Dataset
 from exactarm.data.split import DEFAULT_SEED
-from exactarm.effects.joint_offset import JointOffset
 from exactarm.errors import InputError
 from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
 from exactarm.identify.frames import procrustes
@@ -27,9 +25,9 @@ from exactarm.identify.match import WORST_SHARE, require_match
 from exactarm.identify.planned import controller_angles
 from exactarm.identify.pose_fit import PoseFit, fit_poses
 from exactarm.identify.reach import reach
-from exactarm.numerics.rotation import log
-from exactarm.robot.robot import Placement, Robot
-from exactarm.verify.change import RANK, Evidence, Hypothesis
+from exactarm.robot.robot import Robot
+from exactarm.verify.candidates import base_of, candidates, model_error, rigid
+from exactarm.verify.change import RANK, Days, Evidence, Hypothesis
 from exactarm.verify.copied_rows import CopiedRows, copied_rows
 from exactarm.verify.day_mistakes import day_mistake
 
@@ -41,10 +39,6 @@ LEAST_FREEDOM = (
 )
 TOGETHER = 0.01  # p-value below which poses that move together are told
 DAY_S = 86400.0
-# Points closer to a line than this share of its length do not show turns about it. Above, noise of 0.05 mm
-# on 0.5 m turns them by 2 mrad at most, of which a twist leaves 2 um over 1 m
-LINE = 0.05
-BASE = ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")
 
 
 @dataclass(frozen=True)
@@ -53,11 +47,11 @@ class Daily:
 
     occasions: of a pose in BEFORE, the fewest; noise: where it comes from; moved (T, K, 3): residual of each
     day less its level in BEFORE, m, NaN where a pose was not measured or BEFORE does not know it; copied:
-    rows that stand in an earlier day too.
+    rows that stand in an earlier day too; displaced: as `explain` takes it.
     """
 
     before: Evidence
-    days: tuple[tuple[np.ndarray, np.ndarray], ...]
+    days: Days
     labels: tuple[str, ...]
     hypotheses: tuple[Hypothesis, ...]
     poses: np.ndarray
@@ -66,6 +60,7 @@ class Daily:
     warnings: tuple[str, ...]
     moved: np.ndarray
     copied: tuple[CopiedRows, ...] = ()
+    displaced: Callable[[np.ndarray], Days] | None = None
 
 
 def daily(
@@ -86,23 +81,26 @@ def daily(
     known = _cells(robot, before, poses, strict=False)
     visits = min(int(np.unique(cell, return_counts=True)[1].min()) for cell in cells)
     level, evidence, occasions, noise, warnings = _reference(robot, fit, before, known, len(poses), visits)
-    first = [_first_row(cells, k) for k in range(len(poses))]
-    rows = [measured[i].select(np.array([row])) for i, row in first]
-    hypotheses = _hypotheses(robot, fit, rows, before)
-    base = next(hypothesis.columns for hypothesis in hypotheses if hypothesis.name == "base")
+    rows = []
+    for i, k in _first_rows(cells):
+        rows.append(replace(measured[i].select(k), session=np.full(len(k), before.session[0])))
+    error = model_error(fit, before, len(_poses(robot, [before])))
+    hypotheses = candidates(robot, fit, rows, level, error)
     mistakes: list[str] = []
-    days, moved = [], np.full((len(cells), len(poses), 3), np.nan)
+    seen = []
     most = WORST_SHARE * reach(robot)
-    for number, (data, cell) in enumerate(zip(measured, cells, strict=True)):
+    for label, data, cell in zip(labels, measured, cells, strict=True):
         expected = data.position - fit.residual(replace(data, session=np.full(len(data), before.session[0])))
-        mistakes.append(day_mistake(labels[number], expected, data.position, most))
-        y, seen, value = _day(fit, data, cell, base, level, visits, int(before.session[0]))
-        days.append((y, seen))
-        moved[number] = value - level
+        mistakes.append(day_mistake(label, expected, data.position, most))
+        seen.append(_day(fit, data, cell, level, visits, int(before.session[0])))
+    displaced = lambda f: tuple((np.nan_to_num(y), shown) for y, shown in (day(f) for day in seen))
+    still = np.zeros(3 * len(poses))
+    moved = np.array([day(still)[0].reshape(-1, 3) for day in seen]) - level
     warnings = [*filter(None, mistakes), *warnings]
     if any(np.unique(cell).size < len(poses) for cell in cells):
         warnings.append("not every pose was measured on every day")
-    if any(np.any(data.session != before.session[0]) for data in measured):
+    anew = any(np.any(data.session != before.session[0]) for data in measured)
+    if anew:
         warnings.append(
             "some days are another set-up (session) than BEFORE: where the base stands is found anew on "
             "each, so "
@@ -110,41 +108,9 @@ def daily(
         )
     copied = tuple(copied_rows([("BEFORE", before), *zip(labels, measured, strict=True)]))
     return Daily(
-        evidence, tuple(days), labels, hypotheses, poses, occasions, noise, tuple(warnings), moved, copied
+        evidence, displaced(still), labels, hypotheses, poses, occasions, noise, tuple(warnings), moved,
+        copied, displaced if anew else None,
     )
-
-
-def _base_of(fit: PoseFit, session: int) -> Placement:
-    """The controller's base in the frame of the device."""
-    base = Placement()
-    for effect in fit.layout.effects:
-        base = effect.place(session, base, Placement())[0]
-    first = fit.robot.controller.base
-    turned = base.rotation @ first.rotation.T
-    return Placement(turned, base.position - turned @ first.position)
-
-
-def _in_base(fit: PoseFit, data: Dataset, vectors: np.ndarray) -> np.ndarray:
-    """Vectors (N, 3, ...) of the device's frame in the controller's base frame, which no set-up turns."""
-    out = np.empty_like(vectors)
-    for session in np.unique(data.session):
-        here = data.session == session
-        rotation = _base_of(fit, int(session)).rotation
-        out[here] = np.einsum("ji,nj...->ni...", rotation, vectors[here])
-    return out
-
-
-def _as_twist(points: np.ndarray, level: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """What `y` is beyond `level` at `points` (each (K, 3), in the base frame): a far move of the base as a
-    twist, linear as the base's columns are. Where more is left than that changes, it is no move of the base.
-    """
-    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    if len(spread) < 2 or spread[1] < LINE * spread[0]:
-        return y - level
-    placed, apart = procrustes(points + level, points + y)
-    twist = np.cross(log(placed.rotation), points) + placed.position
-    bent = y - level - twist - apart
-    return twist + apart @ placed.rotation if np.linalg.norm(apart) < np.linalg.norm(bent) else y - level
 
 
 def _frames_of(robot: Robot, data: Dataset, seed: int) -> PoseFit:
@@ -181,12 +147,12 @@ def day_numbers(data: Dataset) -> np.ndarray | None:
 
 def _poses(robot: Robot, measured: Sequence[Dataset]) -> np.ndarray:
     """(K, n) the different poses of all days, in the order in which they were first measured."""
-    poses: list[np.ndarray] = []
+    poses = np.empty((0, robot.axes))
     for data in measured:
         for q in controller_angles(robot, data):
-            if not any(np.max(np.abs(q - pose)) < SAME_POSE_RAD for pose in poses):
-                poses.append(q)
-    return np.array(poses)
+            if not np.any(np.max(np.abs(poses - q), axis=1) < SAME_POSE_RAD):
+                poses = np.vstack([poses, q])
+    return poses
 
 
 def _cells(robot: Robot, data: Dataset, poses: np.ndarray, strict: bool = True) -> np.ndarray:
@@ -198,10 +164,14 @@ def _cells(robot: Robot, data: Dataset, poses: np.ndarray, strict: bool = True) 
     return cell
 
 
-def _first_row(cells: Sequence[np.ndarray], pose: int) -> tuple[int, int]:
-    return next(
-        (i, int(np.flatnonzero(cell == pose)[0])) for i, cell in enumerate(cells) if np.any(cell == pose)
-    )
+def _first_rows(cells: Sequence[np.ndarray]) -> list[tuple[int, np.ndarray]]:
+    """Day, and its rows at poses that no earlier day has, in the order of the poses."""
+    known, found = 0, []
+    for i, cell in enumerate(cells):
+        new = [int(np.flatnonzero(cell == k)[0]) for k in range(known, int(cell.max()) + 1)]
+        found += [(i, np.array(new))] if new else []
+        known += len(new)
+    return found
 
 
 # -- BEFORE --------------------------------------------------------------------------------------------
@@ -210,7 +180,7 @@ def _reference(
 ) -> tuple[np.ndarray, Evidence, int, str, list[str]]:
     """Level (K, 3) and evidence of BEFORE, the fewest occasions of a pose, the source of the noise,
     warnings."""
-    residual = _in_base(fit, before, fit.residual(before))
+    residual = fit.residual(before) @ base_of(fit, int(before.session[0])).rotation
     occasions = _occasions(before, cell, visits)
     evidence, sums, seen = Evidence.none(3 * count), np.zeros((count, 3)), np.zeros(count, int)
     whole = []
@@ -313,64 +283,36 @@ def _occasions(data: Dataset, cell: np.ndarray, visits: int) -> np.ndarray:
 
 # -- one day -------------------------------------------------------------------------------------------
 def _day(
-    fit: PoseFit,
-    data: Dataset,
-    cell: np.ndarray,
-    base: np.ndarray,
-    level: np.ndarray,
-    visits: int,
-    session: int,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """y (3 K,), what the day shows of it (3 K, 3 K), and the residuals (K, 3), NaN where there is none.
+    fit: PoseFit, data: Dataset, cell: np.ndarray, level: np.ndarray, visits: int, session: int
+) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    """Displacement f (3 K,) -> y (3 K,), NaN where there is none, and what the day shows of it (3 K, 3 K).
 
-    base (3 K, 6): how the check poses follow the base frame; level (K, 3), session: BEFORE's.
+    level (K, 3), session: BEFORE's.
     """
-    count = len(base) // 3
-    here, y = np.isin(np.arange(count), cell), np.full((count, 3), np.nan)
-    known = replace(data, session=np.full(len(data), session))
-    residual = left = fit.residual(known)
-    seen = np.diag(np.repeat(here.astype(float), 3))
-    if np.any(data.session != session):  # a set-up of its own: where the base stands is no news
-        placed, apart = procrustes(data.position - residual, data.position)
-        residual = apart @ placed.rotation
-        free = seen @ base
-        u, values, _ = np.linalg.svd(
-            free / np.maximum(np.linalg.norm(free, axis=0), 1e-300), full_matrices=False
-        )
+    count = len(level)
+    residual = fit.residual(replace(data, session=np.full(len(data), session)))
+    base = base_of(fit, session)
+    shown = np.diag(np.repeat(np.isin(np.arange(count), cell).astype(float), 3))
+
+    def by_pose(rows: np.ndarray) -> np.ndarray:
+        found = np.full((count, 3), np.nan)
+        for k in np.unique(cell):
+            found[k] = rows[cell == k][:visits].mean(axis=0)
+        return found
+
+    def from_elsewhere(f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """A set-up of its own: where the base stands is no news."""
+        moved = np.nan_to_num(level) + f.reshape(-1, 3)
+        expected = points + moved[cell]
+        place, apart = procrustes(expected, data.position)
+        free = shown @ rigid(np.nan_to_num(by_pose(expected)))
+        free /= np.maximum(np.linalg.norm(free, axis=0), 1e-300)
+        u, values, _ = np.linalg.svd(free, full_matrices=False)
         u = u[:, values > RANK * values.max(initial=1e-300)]
-        seen = seen - u @ u.T
-    residual = _in_base(fit, known, residual)
-    for k in np.flatnonzero(here):
-        y[k] = residual[cell == k][:visits].mean(axis=0)
-    if np.all(data.session == session):
-        own, placed = np.nan_to_num(level), _base_of(fit, session)
-        points = (data.position - left - placed.position) @ placed.rotation
-        at = np.array([points[cell == k][:visits].mean(axis=0) for k in np.flatnonzero(here)])
-        y[here] = own[here] + _as_twist(at, own[here], y[here])
-    return np.nan_to_num(y).ravel(), seen, y
+        return (moved + by_pose(apart @ place.rotation)).ravel(), shown - u @ u.T
 
-
-def _hypotheses(
-    robot: Robot, fit: PoseFit, rows: Sequence[Dataset], before: Dataset
-) -> tuple[Hypothesis, ...]:
-    """The zero of every axis, the base, the tool: derivative of the check poses' positions, seen as in
-    BEFORE."""
-    offsets = Layout.of(tuple(JointOffset.of(robot, i) for i in range(robot.axes)))
-    session = int(before.session[0])
-    frames = next(e for e in fit.layout.effects if e.frames_of == session)
-    layout = offsets.joined(Layout.of((frames,))).joined(carried_layout(robot, before))
-    blocks = []
-    for row in rows:
-        seen = replace(row, session=np.array([session]))
-        blocks.append(_in_base(fit, seen, predict_poses(robot, layout, seen).jacobian[:, :3])[0])
-    columns = np.concatenate(blocks)
-    n = robot.axes
-    by_own = frames.in_frames_of(robot.controller)[1]
-    columns[:, n : n + 9] = np.linalg.solve(by_own.T, columns[:, n : n + 9].T).T  # of the controller's frames
-    found = [
-        Hypothesis(f"zero of axis {i + 1}", columns[:, i : i + 1], (offsets.names[i],)) for i in range(n)
-    ]
-    base, tool = columns[:, n : n + 6], columns[:, n + 6 : n + 9]
-    found.append(Hypothesis("base", base, tuple(f"base_{axis}" for axis in BASE)))
-    found.append(Hypothesis("tool", tool, tuple(f"tool_{axis}" for axis in BASE[:3])))
-    return tuple(found)
+    if np.any(data.session != session):
+        points = (data.position - residual - base.position) @ base.rotation
+        return from_elsewhere
+    y = by_pose(residual @ base.rotation).ravel()
+    return lambda f: (y, shown)
