@@ -114,7 +114,7 @@ def experiment_for(kind: Kind, told: str, far_larger: bool = False) -> str:
     """told: what the structure follows, in words; far_larger: it is, on rows that were not fitted."""
     words = _experiment(kind, told)
     if far_larger:
-        words += ". The fitted rows say too little of the others: " + _FEW_ROWS[kind.at_rest]
+        words += ". The fitted rows tell too little about the others: " + _FEW_ROWS[kind.at_rest]
     return f"To find what is left, {words}."
 
 
