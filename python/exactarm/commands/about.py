@@ -25,13 +25,13 @@ KEYS = {  # key -> what the page calls it
     "payload": "load",
     "instrument": "instrument",
     "instrument_serial": "instrument, serial no.",
-    "instrument_calibrated": "instrument calibrated",
-    "instrument_u_mm": "standard uncertainty",
+    "instrument_calibrated": "instrument calibrated on",
+    "instrument_u_mm": "instrument, standard uncertainty (k = 1)",
     "measured": "measured on",
     "temperature": "ambient temperature",
     "place": "place",
     "operator": "measured by",
-    "customer": "for",
+    "customer": "customer",
 }
 DATES = ("instrument_calibrated", "measured")
 EXPECTED_KEYS = ("serial", "instrument", "measured", "instrument_u_mm")  # a certificate without them says so

@@ -27,7 +27,8 @@ _EXPECTED = "a draft with entries [[effects]], as `exactarm diagnose` writes it"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("draft", help="draft.toml, as `exactarm diagnose` has written it, or changed by hand")
+    parser.add_argument("draft", metavar="DRAFT",
+                        help="draft.toml, as `exactarm diagnose` has written it, or changed by hand")
 
 
 def accept(draft: str | Path) -> CommandResult:

@@ -64,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="axes whose joint compliance is estimated, as 2,3, or none (default: those "
                              "under load)")
     parser.add_argument("--robust", action="store_true", default=None,
-                        help="Huber's loss: gross errors weigh less (default: where some rows are wild)")
+                        help="Huber's loss: gross errors weigh less (default: where some rows are far off)")
 
 
 def calibrate(
@@ -277,14 +277,15 @@ def _parameter_sections(robot: Robot, result: Calibration) -> tuple[Any, ...]:
     names, start, x, intervals, units = pick(~frame)
     drawing, beside = _drawing(result).get("drawing"), ""
     if drawing:
-        beside = (f" This arm deviates from its drawing {drawing['scale']:.2g} times as far as is plausible. "
-                  f"Of {drawing['told_by_data']:.0f} of these {len(names)} parameters the poses know more "
-                  "than the drawing does.")
+        beside = (f" The arm deviates from its drawing by {drawing['scale']:.2g} times what is usual. "
+                  f"{drawing['told_by_data']:.0f} of these {len(names)} parameters follow more from the "
+                  "poses than from the drawing.")
     tables = geometry_tables(names, start, x, intervals, units, result.fit.fit.at_bound[~frame])
     figures = (Figure(
         "parameters", "What changed",
         partial(parameter_forest, names, x - start, intervals[:, 0] - start, intervals[:, 1] - start, units),
-        "Change of each parameter from its declared value, with its 95 % interval." + beside,
+        "Change of each parameter from its declared value, with its 95 % interval. Names are those of "
+        "`result.json`, which is in m and rad." + beside,
         "parameter changes with intervals",
     ),) if names else ()
     frames_names, _, frames_x, frames_intervals, frames_units = pick(frame)

@@ -75,7 +75,7 @@ class Certified:
         absent = [key for key in EXPECTED_KEYS if key not in self.about]
         if absent:
             options = ", ".join(f"--{key.replace('_', '-')}" for key in absent)
-            out.append(f"not on this certificate: {'; '.join(KEYS[key] for key in absent)}. Say it with "
+            out.append(f"not on this certificate: {'; '.join(KEYS[key] for key in absent)}. Give it by "
                        f"{options}, or in the file of --about")
         if not self.compared:
             out.append("before and after are one model: the robot file holds nothing that its controller "

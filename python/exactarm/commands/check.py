@@ -302,7 +302,7 @@ def _report(
                     Quantity(float(last.max()) if last.size else None, "m"),
                 ),
                 Highlight("noise of a coordinate", Quantity(found.sigma, "m")),
-                Highlight(f"evidence of a change, 1e12 at most (alarm at {change.boundary:g})",
+                Highlight(f"evidence of a change, cut at 1e12 (alarm at {change.boundary:g})",
                           Quantity(min(float(change.statistic[-1]), MOST), "")),
             )
         ),

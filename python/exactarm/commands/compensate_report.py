@@ -13,7 +13,7 @@ from exactarm.compensate.frames import CellFrames
 from exactarm.compensate.law import CompensationModel
 from exactarm.identify.statistics import summarise
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
-from exactarm.report.numbers import quantity
+from exactarm.report.numbers import quantity, with_prefixes
 from exactarm.report.plots.compensation import shift_per_target, shift_view
 from exactarm.robot.robot import Robot
 
@@ -121,8 +121,7 @@ def report_of(
         verdict = (
             f"{sizes.n} of {count} targets corrected, by {quantity(sizes.mean, 'm')} on average and "
             f"{quantity(sizes.max, 'm')} at most; "
-            f"by the identified model the arm meets them within {quantity(written, 'm')} as the numbers are "
-            "written."
+            f"on the identified model the written numbers meet them within {quantity(written, 'm')}."
         )
         tone = "good" if sizes.n == count else "caution"
     sections = [
@@ -130,7 +129,7 @@ def report_of(
             (
                 Highlight("mean correction", Quantity(sizes.mean if sizes.n else None, "m")),
                 Highlight("largest correction", Quantity(sizes.max if sizes.n else None, "m")),
-                Highlight("left over as written, at most", Quantity(written, "m")),
+                Highlight("left over on the model, at most", Quantity(written, "m")),
                 *trust_highlights(radius),
             )
         ),
@@ -183,8 +182,7 @@ def _figures(corrections: Sequence[Correction]) -> tuple[Figure, ...]:
             "correction_view",
             "What moved",
             partial(shift_view, points[good], shifts[good]),
-            "Targets in the base frame of the controller (flange), with the way by which their commands "
-            "moved.",
+            "Targets (of the flange) in the base frame of the controller; arrows: how their commands moved.",
             "targets with arrows of their corrections, from above and from the side",
         ),
         Figure(
@@ -270,4 +268,5 @@ def _effects(robot: Robot, model: CompensationModel) -> str:
         if robot.links is not None and any(j.spring_linear for j in robot.joints)
         else []
     )
-    return "; ".join(parts + [effect.describe_on(robot) for effect in model.layout.effects]) + "."
+    parts += [effect.describe_on(robot) for effect in model.layout.effects]
+    return with_prefixes("; ".join(parts)) + "."

@@ -68,7 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="further poses to validate with (default %(default)s)")
     add_planning(parser)
     parser.add_argument("--noise-mm", metavar="MM", type=float, default=NOISE_MM,
-                        help="of a measured coordinate, for which causes the poses could tell (default "
+                        help="noise of a measured coordinate in mm: which causes could be told (default "
                              "%(default)s)")
     add_station(parser)
     drive = parser.add_argument_group("how the robot gets there")

@@ -115,14 +115,14 @@ def _sections(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contri
     unit = result.unit
     name, row = kind_of(result.kind).error, kind_of(result.kind).row
     note = f"Before: the declared model with its own parameters estimated again. {rule}"
-    sections: list = [highlights(result.before, result.after, unit), *_next(robot, result, found),
-                      *_drafts(result)]
+    sections: list = [highlights(result.before, result.after, unit), *_next(robot, result, found)]
     if found:
         judged = "validation" if result.after["validation"].n else "identification"
         geared = [joint.has_gear for joint in robot.joints]
         sections += [effects_table(result, found), *curves_figure(found),
                      orders_table(found, robot.ratios, geared),
                      *sizes_figure(result, found, result.after[judged].rms), parameters_table(found, robot)]
+    sections += _drafts(result)
     sections += [error_table(result.before, result.after, unit, name.capitalize(), note),
                  *_axes_table(result), *_arm(result)]
     sections += _error_figures(result, name, row)
@@ -203,7 +203,8 @@ def _drafts(result: Diagnosis) -> list:
     rows = tuple((draft.effect.title, f"{formula(draft)}, {draft.unit}", percent(draft.probability),
                   *(Quantity(value, unit) for value in draft.held_out)) for draft in result.drafts)
     header = ("drafted effect", "formula", "probability", "held-out RMS before", "with it")
-    return [Text("Drafted: effects that nobody wrote yet", tuple(draft.sentence for draft in result.drafts)),
+    sentences = tuple(draft.sentence for draft in result.drafts)
+    return [Text("Drafted effects: formulas for what is left", sentences),
             Table("Drafts", header, rows,
                   "In `draft.toml`; no part of `robot.toml` until they are accepted.")]
 
@@ -274,4 +275,5 @@ def _error_figures(result: Diagnosis, name: str, row: str) -> tuple:
     used = np.isfinite(after)
     identification = np.concatenate([np.full(len(result.errors_before[s]), s == "identification")
                                      for s in sets])
-    return error_figures(before[used], after[used], identification[used], result.unit, name, row)
+    order = f" The fitted {row}s stand first." if len(sets) > 1 else ""
+    return error_figures(before[used], after[used], identification[used], result.unit, name, row, order)

@@ -136,6 +136,12 @@ def _at_tool_note(result: Diagnosis, told: Sequence[Contribution]) -> str:
     return note
 
 
+def _cause(effect: Effect) -> str:
+    """In plain words, with the name by which pictures, files and documents call it."""
+    name, words = effect.name.replace("_", " "), effect.in_plain_words
+    return words if name in words or words == effect.title else f"{words} ({name})"
+
+
 def _row(result: Diagnosis, finding: Finding, contribution: Contribution | None) -> list[Cell]:
     effect = finding.effect
     measure, size = _size(finding, contribution, result.robot)
@@ -151,7 +157,7 @@ def _row(result: Diagnosis, finding: Finding, contribution: Contribution | None)
     share = getattr(finding, "own_share", None)
     others = [other for other in getattr(finding, "set", None) or () if _label(other) != effect.label]
     return [
-        effect.in_plain_words, "" if effect.joint is None else str(effect.joint), measure, size,
+        _cause(effect), "" if effect.joint is None else str(effect.joint), measure, size,
         None if tool is None else Quantity(1e6 * tool, "µm"),
         None if share is None else f"{100.0 * share:.0f} %",
         percent(finding.probability),

@@ -51,16 +51,17 @@ def highlights(before: Mapping[str, ErrorSummary], after: Mapping[str, ErrorSumm
 
 
 def error_figures(
-    before: np.ndarray, after: np.ndarray, identification: np.ndarray, unit: str, name: str, row: str
+    before: np.ndarray, after: np.ndarray, identification: np.ndarray, unit: str, name: str, row: str,
+    order: str = "",
 ) -> tuple[Figure, Figure]:
-    """Error of every row, and its histogram on the rows that were never fitted."""
+    """Error of every row, and its histogram on the rows that were never fitted; order: of the rows, said."""
     validation = ~identification
     shown = validation if validation.any() else np.ones(len(before), bool)
     which = f"{'validation' if validation.any() else 'identification'} {row}s"
     return (
         Figure("error_per_row", f"{name.capitalize()} of every {row}",
                partial(error_per_pose, before, after, validation, unit, name=name, row=row),
-               f"Validation {row}s are marked: nothing was chosen or fitted with them.",
+               f"Validation {row}s are marked: they took no part in any fit or choice.{order}",
                f"{name} before and after against the {row} number",
                partial(error_per_pose_panel, before, after, validation, unit, name=name, row=row)),
         Figure("error_histogram", f"Distribution of the {name}",

@@ -142,8 +142,8 @@ def _report(robot: Robot, data: Dataset, result: Evaluation) -> Report:
     s, unit = result.overall, result.unit
     mean, most = quantities([s.mean, s.max], unit)
     verdict = (
-        f"{robot.name} as its file describes it is off by {mean} on average, by {most} at most "
-        f"({s.n} rows; only the set-up was fitted)."
+        f"{robot.name}, as its file describes it, is off by {mean} on average and by {most} at most "
+        f"({s.n} rows; nothing of the robot was fitted, only the set-up)."
     )
     known: tuple[Table, ...] = ()
     if result.distances:

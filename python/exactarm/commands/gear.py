@@ -35,9 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_files(parser, text="gear runs: motor angles and a gyroscope, or encoders on both sides (.csv, "
                            ".parquet)")
     parser.add_argument("--method", choices=METHODS, default=METHODS[0],
-                        help="orders as real numbers, or whole numbers with their neighbours as the source "
-                             "has them "
-                             "(default %(default)s; both are compared in the report)")
+                        help="orders as real numbers, or whole numbers with their neighbours (default "
+                             "%(default)s; both are compared in the report)")
 
 
 def gear(

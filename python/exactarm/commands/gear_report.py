@@ -91,8 +91,7 @@ def _method_table(result: GearIdentification, unit: str) -> Table:
     )
     note = (
         "refined: orders are real numbers, from a zoom and variable projection. neighbours: the nearest "
-        "whole numbers "
-        f"of the coarse FFT with their neighbours, as the source has it. The robot file has: {result.method}."
+        f"whole numbers of the coarse FFT with their neighbours. The robot file has: {result.method}."
     )
     header = ("gear", "speed at the output", "set", "rows", "before", *methods)
     return Table("Both methods, by direction, speed and set (RMS)", header, rows, note)

@@ -23,7 +23,7 @@ def isolability_table(causes: Isolability, noise_mm: float) -> Table:
             f"coordinate. {told} of "
             f"{len(causes.seen)} causes would be told from all others; {hidden} would not show (below "
             f"{CLEAR:g}). All pairs: isolability.csv.")
-    return Table("Causes that these poses could not tell", ("cause", "seen", "most like it", "apart"),
+    return Table("Causes that these poses cannot tell apart", ("cause", "seen", "most like it", "apart"),
                  rows or (("none of those that show", "", "", ""),), note)
 
 

@@ -30,7 +30,7 @@ from exactarm.plan.optimal import PlanOptions, plan_path
 from exactarm.plan.path_file import PlannedPath, load_path
 from exactarm.plan.reference import Reference
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Table, Text
-from exactarm.report.numbers import quantities
+from exactarm.report.numbers import quantities, with_prefixes
 from exactarm.report.plots.curves import curves
 from exactarm.robot.controller_frames import base_in_device, target_on_flange
 from exactarm.robot.robot import Robot
@@ -203,7 +203,8 @@ def _report(robot: Robot, path: PlannedPath, rounds: list[_Round], diagnosis: Di
                "Distance of the target from where it should be, round by round.", "tracking error over time"),
         Text("What the diagnosis said", (diagnosis.sentence,)),
         Table("What was hidden, and what was found", ("", "effect", "in words"), (
-            *(("hidden", effect.title, effect.describe_on(robot)) for effect in hidden),
-            *(("found", found.effect.title, found.effect.describe_on(robot)) for found in diagnosis.findings),
+            *((what, effect.title, with_prefixes(effect.describe_on(robot))) for what, effects in (
+                ("hidden", hidden), ("found", [found.effect for found in diagnosis.findings])
+            ) for effect in effects),
         ), "The diagnosis saw the measured poses only."),
     ), "good" if last.summary.rms <= middle.summary.rms else "caution")

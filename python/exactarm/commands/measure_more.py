@@ -131,7 +131,7 @@ def experiment_for(kind: Kind, told: tuple[Structure, ...], far_larger: bool = F
     """told: what is left; far_larger: it is, on rows that were not fitted."""
     words = _experiment(kind, told)
     if far_larger:
-        words += ". The fitted rows say too little of the others: " + _FEW_ROWS[kind.at_rest]
+        words += ". The fitted rows tell too little about the others: " + _FEW_ROWS[kind.at_rest]
     return f"To find what is left, {words}."
 
 

@@ -38,8 +38,8 @@ def to_improve(kind: Kind) -> Text:
     """After a judgement."""
     fit = _FITTED_BY.get(kind.device, "calibrate")
     return Text(HEADING, (
-        f"If this is more than your work allows, `exactarm {fit}` and `exactarm diagnose` with other "
-        f"{kind.rows} lower it; keep these to judge by.",
+        f"If this is more than your work allows, run `exactarm {fit}` and `exactarm diagnose` with other "
+        f"{kind.rows}; keep these to judge by.",
     ))
 
 
@@ -175,7 +175,7 @@ def _identifiable(run: _Run) -> Sequence[str]:
 def _certify(run: _Run) -> Sequence[str]:
     return (
         "Keep the certificate with the arm. A few poses a day tell when it no longer holds "
-        "(`exactarm check`; five do). Poses that show every parameter:",
+        "(`exactarm check`; five are enough). Poses that show every parameter:",
         run.line("daily", "design", run.robot, "--count", str(DAILY_POSES), "--validation", "0"),
     )
 

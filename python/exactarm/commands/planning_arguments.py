@@ -23,8 +23,7 @@ def add_planning(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--tool", metavar="X,Y,Z",
                         help="target on the flange in m (default: that of the robot file)")
     parser.add_argument("--frames", choices=FRAMES, default="both",
-                        help="which frames are unknown: base and tool (default), one of them, or none as in "
-                             "the source")
+                        help="which frames are unknown: base and tool (default), one of them, or none")
     parser.add_argument("--use", choices=("position", "pose"), default="position",
                         help="what is measured: the position of a target (default), or its orientation too")
     parser.add_argument("--box", metavar="XMIN,XMAX,YMIN,YMAX,ZMIN,ZMAX",
@@ -95,8 +94,7 @@ def target_hint(dropped: Sequence[Dropped]) -> tuple[str, ...]:
     if not lost:
         return ()
     return (f"the target lies on the last axis, which hides {', '.join(lost)}: mount it beside that axis "
-            "(plans are told "
-            "where by --tool X,Y,Z)",)
+            "and say where by --tool X,Y,Z",)
 
 
 def clearance_of(value: float | None) -> float | None:

@@ -56,9 +56,8 @@ def cell_frames(robot: Robot, choice: str, tip: Placement, threads: int = 1) -> 
             Placement(),
             (
                 "Base and flange are the first and the last frame of the identified model (--frames "
-                "nominal). What the calibration "
-                "shifted between frames and base stays as a constant error of the cell; reference points "
-                "remove it (--frames POINTS.csv)."
+                "nominal). Where the calibrated frames have shifted against the true base, all targets are "
+                "off alike; reference points in the cell remove it (--frames POINTS.csv)."
             ),
         )
     if choice == "identified":

@@ -115,12 +115,12 @@ def remains(left: Dossier, excess: float, unknown: tuple[Structure, ...] = ()) -
     if unknown:
         known = "; ".join(map(str, unknown))
     elif left.structure:
-        known = f"it follows the {left.strongest.signal} best, along {left.strongest.direction}"
+        known = f"it follows best the {left.strongest.signal}, along {left.strongest.direction}"
     else:
         known = "it follows no single signal beyond chance"
     if carries_badly(excess):
         known += (
-            f", and on rows that were not fitted the error is {excess:.1f} times what the fit lets expect"
+            f", and on rows that were not fitted the error is {excess:.1f} times what the fit predicts"
         )
     return known
 

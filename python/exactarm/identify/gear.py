@@ -316,6 +316,6 @@ def _remaining(gears: list[Gear]):
         )
     if loud:
         yield (
-            "what remains on held-out rows, even without all that stands beside the gear, is more than the "
-            f"sensor's noise: {', '.join(loud)}; `exactarm diagnose` looks for its cause"
+            "the error on held-out rows is far above the sensor's noise, even with all but the gear's own "
+            f"taken out: {', '.join(loud)}; `exactarm diagnose` looks for its cause"
         )

@@ -7,6 +7,7 @@ an interval has the digits that the interval allows (two of the half-width); a n
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -94,6 +95,13 @@ def number(value: float | None, digits: int = SIGNIFICANT_DIGITS) -> str:
 def quantity(value: float | None, unit: str = "") -> str:
     """A number with its unit, for sentences: quantity(0.000382, "m") is "0.382 mm"."""
     return format_cells([Quantity(value, unit)])[0]
+
+
+def with_prefixes(words: str) -> str:
+    """A sentence with its angles as a reader takes them: "1.32e-05 rad" is "13.2 µrad". Numbers that share
+    one unit stay as they are."""
+    angle = r"(?<![\w.-])(?<!\d, )(?<!\d and )(-?\d[\d.]*(?:e-?\d+)?) rad\b(?!/)"
+    return re.sub(angle, lambda found: quantity(float(found[1]), "rad"), words)
 
 
 def quantities(values: Sequence[float | None], unit: str = "") -> list[str]:
