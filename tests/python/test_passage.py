@@ -19,7 +19,7 @@ from exactarm.diagnose.motion_problem import MotionProblem
 from exactarm.diagnose.tracked_problem import TrackedProblem
 from exactarm.identify.evaluate import evaluate_tracked_motion
 from exactarm.identify.tracked_fit import tracked_record
-from exactarm.numerics.signals import white_noise
+from exactarm.numerics.white_noise import white_noise
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, measure_motion, measure_tracked_motion
 from exactarm.simulate.profiles import excitation

@@ -16,7 +16,6 @@ from exactarm.numerics.signals import (
     steady_direction,
     step_of_quantisation,
     strongest_orders,
-    white_noise,
     zoom,
 )
 
@@ -72,13 +71,6 @@ def test_derivative_of_short_runs(count):
     time = np.arange(count) * 0.1
     slope = derivative_operator(time) @ (2.0 * time)
     assert_allclose(slope, np.zeros(1) if count == 1 else np.full(count, 2.0), atol=1e-12)
-
-
-def test_white_noise_of_a_smooth_signal():
-    random = np.random.default_rng(2)
-    time = np.linspace(0.0, 4.0, 8000)
-    noisy = np.sin(3.0 * time) + random.normal(0.0, 1e-3, time.size)
-    assert_allclose(white_noise(noisy), 1e-3, rtol=0.05)
 
 
 def test_quantisation_is_seen_and_not_invented():

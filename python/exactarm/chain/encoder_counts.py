@@ -29,8 +29,8 @@ from exactarm.numerics.signals import (
     gaussian_sigma,
     step_of_quantisation,
     typical_step,
-    white_noise,
 )
+from exactarm.numerics.white_noise import white_noise
 
 _LOWEST_HZ = 2.0  # a tone below it changes the rate by a hundredth of what one count in a sample does
 _CERTAIN, _MORE = 6.0, 4.0  # standard deviations: of one sample of many, of a mean of many

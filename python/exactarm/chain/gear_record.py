@@ -42,8 +42,8 @@ from exactarm.numerics.signals import (
     steady_direction,
     step_of_quantisation,
     typical_step,
-    white_noise,
 )
+from exactarm.numerics.white_noise import white_noise
 from exactarm.robot.robot import Robot
 from exactarm.view import View, motor_angles
 

@@ -27,7 +27,8 @@ from exactarm.chain.motion_record import MotionRecord, measured_torque
 from exactarm.chain.tracked_motion import predict_tracked_motion
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds.base import runs_in_time
-from exactarm.numerics.signals import typical_step, white_noise
+from exactarm.numerics.signals import typical_step
+from exactarm.numerics.white_noise import white_noise
 from exactarm.robot.robot import Robot
 
 # what friction leaves of wind-up, 1e-4 to 1e-3 rad, is passed in so long at 2 rad/s^2 and twice that

@@ -22,7 +22,7 @@ from exactarm.chain import (
     predict_motion,
     reversals_left_out,
 )
-from exactarm.chain.motion_record import measured_torque
+from exactarm.chain.motion_record import BANDWIDTH_HZ, measured_torque
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import MOTION
 from exactarm.data.kinds.base import runs_in_time
@@ -45,7 +45,7 @@ from exactarm.identify.dynamics import (
 from exactarm.identify.friction_width import dry_friction
 from exactarm.identify.motion_fit import MotionFit, fit_motion
 from exactarm.identify.session_payloads import payload_layout_of_motion
-from exactarm.numerics.signals import typical_step, white_noise
+from exactarm.numerics.white_noise import rise_towards_band, white_noise
 from exactarm.robot.robot import Robot
 from exactarm.view import on_axes
 
@@ -241,21 +241,26 @@ class MotionProblem(ProblemInTime):
         """From the torque as it was logged, above what moves an arm: its white noise, as much as passes the
         low-pass.
 
-        None where that noise is not white: then nothing says how much of it lies below.
+        None where that noise is not white, or grows towards the band on every axis: then nothing says how
+        much of it lies below.
         """
-        torque = measured_torque(self.robot, self.data)
-        parts = [rows for rows in runs_in_time(self.data) if rows.size > 4 * _LEAST_SAMPLES]
+        axes = self.record.measured_axes
+        torque = measured_torque(self.robot, self.data)[:, axes]
+        parts = [torque[rows] for rows in runs_in_time(self.data) if rows.size > 4 * _LEAST_SAMPLES]
         if not parts:
             return None
         variances = []
-        for axis, sigma in zip(self.record.measured_axes,
-                               np.sqrt(np.mean(torque[:, self.record.measured_axes] ** 2, axis=0))):
-            each = [[white_noise(torque[rows[::every], axis]) for rows in parts] for every in (1, 2)]
+        for axis, sigma in enumerate(np.sqrt(np.mean(torque**2, axis=0))):
+            each = [[white_noise(part[::every, axis]) for part in parts] for every in (1, 2)]
             fine, coarse = (float(np.sqrt(np.mean(np.square(values)))) for values in each)
             if not _LEAST_NOISE * sigma < fine or not 1.0 / _WHITE < coarse / fine < _WHITE:
                 return None
             variances.append(fine**2)
-        step = float(np.median([typical_step(self.data.time[rows]) for rows in parts]))
+        step = self.record.logged_step
+        if self.record.bandwidth_hz is not None:
+            rise = rise_towards_band(parts, step, max(self.record.bandwidth_hz, BANDWIDTH_HZ))
+            if rise is not None and np.min(rise) > _WHITE:
+                return None
         floor = np.sqrt(np.mean(variances) * self.record.white_share(step))
         return float(min(floor / self.error_of_unit_noise(fitted), 1.0))
 

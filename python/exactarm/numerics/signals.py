@@ -245,14 +245,6 @@ def _block_operator(time: np.ndarray) -> sparse.csr_array:
     return sparse.diags_array(1.0 / (by_index @ time)) @ by_index
 
 
-def white_noise(values: np.ndarray) -> float:
-    """Standard deviation of the white part of a smooth signal (N,), from its fourth differences (robust)."""
-    if values.size < 6:
-        return 0.0
-    fourth = np.diff(values, 4)
-    return float(1.4826 * np.median(np.abs(fourth)) / np.sqrt(70.0))
-
-
 def step_of_quantisation(values: np.ndarray) -> float:
     """The grid on which all samples (N,) lie, or 0 where the signal has none that can be seen."""
     steps = np.diff(np.unique(values))
