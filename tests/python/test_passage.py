@@ -55,8 +55,10 @@ def test_rows_that_hang_on_the_passage_of_a_motion_are_left_out(rigid, monkeypat
                                    axis=0)) * np.sqrt(record.white_share(record.logged_step))
     away, about = (np.sqrt(np.mean(residual[rows] ** 2, axis=0)) / noise
                    for rows in (clear.keep, clear.at_reversal & record.keep))
-    assert 0.6 < clear.keep.sum() / record.keep.sum() < 0.9
-    assert np.all(away < 1.1) and about[2] > 1.5
+    # 54 reversals. Rows of passages that lie whole behind one are left out, too: before, three rows in four
+    # were kept, and this quick one stood out of those left out by 1.5, not 1.4.
+    assert 0.55 < clear.keep.sum() / record.keep.sum() < 0.9
+    assert np.all(away < 1.1) and about[2] > 1.4
     (words,) = reversals_left_out([clear])
     assert words.startswith(f"{record.keep.sum() - clear.keep.sum()} of {record.keep.sum()} rows at "
                             "reversals")
@@ -113,6 +115,24 @@ def test_loads_under_a_tracker_do_not_hang_on_the_passage(rigid, monkeypatch):
                                              tangents=False).view.torque
     usual, quick = load(record), load(replace(record, direction=np.sign(record.direction)))
     assert np.max(np.abs(quick - usual)) < 0.01 * np.max(np.abs(usual))
+
+
+@pytest.mark.parametrize("passage_s", [0.01, 0.03, 0.07])
+@pytest.mark.parametrize("late", [0.0, 0.5])
+def test_what_is_kept_of_a_motion_does_not_hang_on_the_passage(rigid, monkeypatch, passage_s, late):
+    """About the reversal or whole behind it, of durations that are none of those tried."""
+    data = measured(rigid, measure_motion, monkeypatch)
+    record = motion_record(rigid, data)
+    clear = motion_clear_of_reversals(rigid, record, data)
+    behind = direction.direction_of_motion(record.data.time, record.theta / np.abs(rigid.ratios), passage_s,
+                                           late * passage_s)
+    torque = lambda of: predict_motion(rigid, Layout((), ()), of, tangents=False).torque
+    change = np.abs(torque(replace(record, direction=behind)) - torque(record))
+    noise = np.array([white_noise(column) for column in data.joints["tau"].T])
+    noise *= np.sqrt(record.white_share(record.logged_step))
+    assert np.max(change[record.keep] / noise) > 2.0
+    kept = change[clear.keep] / noise
+    assert np.max(kept) < 1.0 and np.max(np.sqrt(np.mean(kept**2, axis=0))) < 0.1
 
 
 def test_rows_of_a_passage_behind_the_reversal_count_for_nothing_under_a_tracker(rigid, monkeypatch):

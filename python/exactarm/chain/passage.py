@@ -2,8 +2,8 @@
 to the other's.
 
 No model defines the passage; the chain assumes one of TRANSITION_S (chain/direction.py). The
-prediction is repeated with a shorter and a longer passage, and under a tracker with one that lies whole
-behind the reversal, d the directions with each:
+prediction is repeated with a shorter one, and with two that lie whole behind the reversal, d the directions
+with each:
 
     row left out where max_j |predicted_j(d) - predicted_j(d of TRANSITION_S)| > SHARE sigma_j
 
@@ -31,12 +31,12 @@ from exactarm.numerics.signals import typical_step
 from exactarm.numerics.white_noise import white_noise
 from exactarm.robot.robot import Robot
 
-# what friction leaves of wind-up, 1e-4 to 1e-3 rad, is passed in so long at 2 rad/s^2 and twice that
-DURATIONS_S = (0.02, 0.1)
-# with the middle behind the reversal, s: wind-up is let go as the axis moves away (blind test, tracked motion
-# 73200: 3.8 times the noise in the 50 ms behind reversals, nothing before them)
-PASSAGES_S = tuple((duration, 0.0) for duration in DURATIONS_S)
-TRACKED_PASSAGES_S = (*PASSAGES_S, (DURATIONS_S[-1], 0.5 * DURATIONS_S[-1]))
+# How long a passage lasts and how far behind the reversal its middle lies, s. What friction leaves of
+# wind-up, 1e-4 to 1e-3 rad, is passed in 0.02 to 0.1 s at 2 rad/s^2 and twice that, about the reversal or,
+# where it is let go as the axis moves away, behind it (blind tests, tracked motion 73200: 3.8 times the noise
+# in the 50 ms behind reversals, nothing before them; motion 93074: 9.7 times). These three leave at most 0.06
+# of the noise (root mean square) of passages of 10 to 70 ms at either place (test_passage.py).
+PASSAGES_S = ((0.02, 0.0), (0.05, 0.025), (0.1, 0.05))
 SHARE = 0.3  # of the noise that an error may have unseen: a tenth of its variance
 _LEAST_TORQUE_SHARE = 1e-3  # of an axis' torque, where a log is free of noise: no model of friction is better
 _LEAST_NOISE_M = 5e-6  # of a position: what laser trackers resolve
@@ -55,7 +55,7 @@ def motion_clear_of_reversals(robot: Robot, record: MotionRecord, data: Dataset,
     empty = Layout((), ())
     predict = lambda record: predict_motion(robot, empty, record, tangents=False,
                                             threads=threads).torque[:, axes]
-    return replace(record, at_reversal=_unclear(robot, record, predict, noise, PASSAGES_S))
+    return replace(record, at_reversal=_unclear(robot, record, predict, noise))
 
 
 def track_clear_of_reversals(robot: Robot, record: MotionRecord) -> MotionRecord:
@@ -65,7 +65,7 @@ def track_clear_of_reversals(robot: Robot, record: MotionRecord) -> MotionRecord
     data, empty = record.data, Layout((), ())
     noise = np.array([max(_white(column, record.runs), _LEAST_NOISE_M) for column in data.position.T])
     predict = lambda of: predict_tracked_motion(robot, empty, data, record=of, tangents=False).position
-    return replace(record, at_reversal=_unclear(robot, record, predict, noise, TRACKED_PASSAGES_S))
+    return replace(record, at_reversal=_unclear(robot, record, predict, noise))
 
 
 def reversals_left_out(records: Iterable[MotionRecord]) -> tuple[str, ...]:
@@ -85,12 +85,11 @@ def _reverses(robot: Robot, record: MotionRecord) -> bool:
 
 def _unclear(
     robot: Robot, record: MotionRecord, predict: Callable[[MotionRecord], np.ndarray], noise: np.ndarray,
-    passages: tuple[tuple[float, float], ...],
 ) -> np.ndarray:
-    """(N,) bool; noise (m,); passages: how long, and how far behind the reversal, in s."""
+    """(N,) bool; noise (m,)."""
     assumed, unclear = predict(record), np.zeros(len(record.data), bool)
     angle = record.theta / np.abs(robot.ratios)
-    for duration, late in passages:
+    for duration, late in PASSAGES_S:
         direction = np.empty_like(record.direction)
         for rows in record.runs:
             direction[rows] = direction_of_motion(record.data.time[rows], angle[rows], duration, late)
