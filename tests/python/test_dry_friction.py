@@ -9,6 +9,7 @@ import pytest
 from exactarm import _core
 from exactarm.chain import Layout, motion_record
 from exactarm.chain.dry_friction import DryFriction, held_sign
+from exactarm.diagnose.motion_problem import MotionProblem
 from exactarm.effects.stribeck_friction import StribeckFriction
 from exactarm.identify.dynamics import friction_layout
 from exactarm.identify.friction_width import dry_friction
@@ -96,6 +97,40 @@ def test_rows_before_the_first_motion_of_a_run_wait_for_what_it_held():
     assert not replace(record, dry=dry).keep[: int(1.0 / record.step)].any()
     known = replace(dry, start=np.ones((1, robot.axes)))
     np.testing.assert_array_equal(replace(record, dry=known).keep, record.keep)
+
+
+def test_what_friction_holds_of_an_axis_at_rest_is_unknown():
+    """A constant torque of a gear that never slides is no mass, and none of the robot's parameters."""
+    robot, random = bare(), np.random.default_rng(5)
+    time, angle, rate, acceleration = stops(robot.axes, 6, random)
+    angle[:, 1], rate[:, 1], acceleration[:, 1] = 0.3, 0.0, 0.0
+    torque = _core.inverse_dynamics(robot.core, angle + robot.offsets, rate, acceleration)
+    torque[:, 1] += 6.0
+    torque += random.normal(0.0, 0.3, angle.shape)
+    data = motion_data(robot, time, angle, torque)
+    problem = MotionProblem(robot, data, data.select(np.zeros(0, int)))
+    layout = problem.declared()
+    assert "held_2_Nm" in layout.names and "coulomb_2_Nm" not in layout.names
+    fitted = problem.fit(layout)
+    low, high = fitted.fit.interval()[layout.names.index("held_2_Nm")]
+    assert low < 6.0 < high and high - low < 0.1
+    assert any("axis 2, which stands still" in words for words in problem.left_out())
+    assert problem.updated_robot(fitted).joints[1] == robot.joints[1]
+    assert "held_2_Nm" not in problem.updated_robot(fitted).intervals
+
+
+def test_every_fit_judges_the_same_rows():
+    """Also where one takes friction by the way, whose first rows of a run nobody knows."""
+    robot, random = bare(), np.random.default_rng(4)
+    time, angle, *_ = stops(robot.axes, 3, random)
+    data = motion_data(robot, time, angle, random.normal(0.0, 0.3, angle.shape))
+    problem = MotionProblem(robot, data, data)
+    fitted = problem.fit(problem.declared())
+    held_out = replace(data)
+    of_reach = lambda reach: replace(fitted.record, dry=replace(fitted.record.dry, reach=reach * np.ones(6)))
+    errors, waiting = (problem.errors(replace(fitted, record=of_reach(reach)), held_out)
+                       for reach in (0.0, 1e-3))
+    assert errors.shape == waiting.shape and np.isnan(waiting).sum() > np.isnan(errors).sum() == 0
 
 
 @pytest.mark.slow

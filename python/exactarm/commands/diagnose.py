@@ -171,7 +171,7 @@ def _per_axis(result: Diagnosis, errors: np.ndarray) -> dict[str, Any]:
     if result.axes is None or result.kind != MOTION.name:
         return {}
     columns = errors.reshape(-1, len(result.axes)).T
-    return {"axes": [{"joint": axis["joint"]} | summarise(column).to_json()
+    return {"axes": [{"joint": axis["joint"]} | summarise(column[np.isfinite(column)]).to_json()
                      for axis, column in zip(result.axes, columns)]}
 
 

@@ -272,7 +272,7 @@ def _error_figures(result: Diagnosis, name: str, row: str) -> tuple:
     sets = list(result.errors_before)
     before = np.concatenate([result.errors_before[s] for s in sets])
     after = np.concatenate([result.errors_after[s] for s in sets])
-    used = np.isfinite(after)
+    used = np.isfinite(before) & np.isfinite(after)
     identification = np.concatenate([np.full(len(result.errors_before[s]), s == "identification")
                                      for s in sets])
     order = f" The fitted {row}s stand first." if len(sets) > 1 else ""

@@ -35,6 +35,7 @@ from exactarm.effects.base import Effect, Station
 from exactarm.identify.base_parameters import base_parameters
 from exactarm.identify.declared import carried_layout, require_geometry
 from exactarm.identify.dynamics import (
+    axes_at_rest,
     excited_layout,
     friction_layout,
     inertia_was_estimated,
@@ -193,18 +194,20 @@ class MotionProblem(ProblemInTime):
         return replace(record, dry=dry_friction(self.robot, layout, record, self.threads))
 
     def _residual(self, fitted: Fitted, data: Dataset) -> np.ndarray:
-        """(N', m) measured minus predicted on the rows that count."""
+        """(N', m) measured minus predicted away from ends and reversals, as many for every fit; NaN where
+        nobody knows what dry friction holds."""
         record = fitted.record
         if data is not self.data:
             record = replace(self._record_of(data), dry=record.dry.elsewhere())
         prediction = predict_motion(self.robot, fitted.layout, record, tangents=False, threads=self.threads)
-        return prediction.residual()[record.keep][:, self.record.measured_axes]
+        residual = np.where(record.keep[:, None], prediction.residual(), np.nan)
+        return residual[record.inside & ~record.at_reversal][:, self.record.measured_axes]
 
     def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
         return np.abs(self._residual(fitted, data)).ravel()
 
     def rms_by_axis(self, fitted: Fitted, data: Dataset) -> dict[int, float]:
-        rms = np.sqrt(np.mean(self._residual(fitted, data) ** 2, axis=0))
+        rms = np.sqrt(np.nanmean(self._residual(fitted, data) ** 2, axis=0))
         return {int(axis): float(value) for axis, value in zip(self.record.measured_axes, rms)}
 
     def left_out(self) -> tuple[str, ...]:
@@ -212,6 +215,10 @@ class MotionProblem(ProblemInTime):
         words = (
             (f"no torque was measured on axis {', '.join(silent)}: nothing is said of it",) if silent else ()
         )
+        if (still := axes_at_rest(self.robot, self.record)).size:
+            numbers = ", ".join(map(str, still + 1))
+            words += (f"what dry friction holds of axis {numbers}, which stands still, is not known: a constant "
+                      "torque there says nothing",)
         words += reversals_left_out(self._records.values())
         if not self.inertial:
             words += ("masses and inertias are taken as the robot file declares them, 3 % more or less: "
@@ -235,7 +242,7 @@ class MotionProblem(ProblemInTime):
         return {measured_of(axis + 1): np.tile(np.eye(m)[k], (rows, 1)) for k, axis in enumerate(axes)}
 
     def error_of_unit_noise(self, fitted: Fitted) -> float:
-        return float(np.sqrt(np.mean(self._residual(fitted, self.data) ** 2)))
+        return float(np.sqrt(np.nanmean(self._residual(fitted, self.data) ** 2)))
 
     def repeat_noise(self, fitted: Fitted) -> float | None:
         """From the torque as it was logged, above what moves an arm: its white noise, as much as passes the

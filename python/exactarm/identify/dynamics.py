@@ -31,6 +31,7 @@ from exactarm.data.kinds.motion import TORQUES
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.effects.declared_friction import DeclaredFriction
 from exactarm.effects.declared_rotor import DeclaredRotor
+from exactarm.effects.held_friction import HeldFriction
 from exactarm.effects.link_inertia import LinkInertia
 from exactarm.errors import InputError
 from exactarm.identify.base_parameters import BaseParameters, base_parameters
@@ -52,6 +53,7 @@ from exactarm.robot.robot import Link, Robot
 from exactarm.view import SIGN_WIDTH_RAD_S
 
 _WORST_CONDITION = 1e3  # of scaled columns: a parameter behind it would carry noise, not mass
+_SLIDES_RAD = 1e-3  # (m) a gear slides after some tenths (Al-Bender, Lampaert and Swevers 2005)
 _BOOKKEEPING_MASS_KG = 5.0  # of links without a declared mass: no motion tells how a group is shared out
 
 # Steps as they are told, in their order.
@@ -159,11 +161,17 @@ def with_links(robot: Robot) -> Robot:
 
 
 def friction_layout(robot: Robot, record: MotionRecord) -> Layout:
-    """Coulomb and viscous friction of the axes that move and report a torque."""
-    rate = np.abs(record.theta_dot / robot.controller_ratios)
-    moving = np.flatnonzero(np.max(rate, axis=0) > SIGN_WIDTH_RAD_S)
-    chosen = [i for i in moving if i in record.measured_axes]
-    return Layout.of(tuple(DeclaredFriction.of(robot, i) for i in chosen))
+    """Of the axes that report a torque: Coulomb and viscous friction where they move, what friction holds
+    where they stand still."""
+    rate = np.max(np.abs(record.theta_dot / robot.controller_ratios), axis=0)
+    moving = [DeclaredFriction.of(robot, i) for i in record.measured_axes if rate[i] > SIGN_WIDTH_RAD_S]
+    return Layout.of((*moving, *(HeldFriction.of(robot, i) for i in axes_at_rest(robot, record))))
+
+
+def axes_at_rest(robot: Robot, record: MotionRecord) -> np.ndarray:
+    """Axes (from 0) that report a torque and whose gear never slides: any torque may be held there."""
+    way = np.ptp(record.theta / robot.ratios, axis=0)
+    return record.measured_axes[way[record.measured_axes] < _SLIDES_RAD]
 
 
 def inertial_layout(robot: Robot, base: BaseParameters) -> Layout:
