@@ -217,8 +217,8 @@ class MotionProblem(ProblemInTime):
         )
         if (still := axes_at_rest(self.robot, self.record)).size:
             numbers = ", ".join(map(str, still + 1))
-            words += (f"what dry friction holds of axis {numbers}, which stands still, is not known: a constant "
-                      "torque there says nothing",)
+            words += (f"what dry friction holds of axis {numbers}, which stands still, is not known: a "
+                      "constant torque there says nothing",)
         words += reversals_left_out(self._records.values())
         if not self.inertial:
             words += ("masses and inertias are taken as the robot file declares them, 3 % more or less: "

@@ -28,6 +28,9 @@ class HeldFriction(DriveEffect):
     def of(robot, index: int) -> HeldFriction:
         return HeldFriction(index + 1, (0.0,))
 
+    def from_tables(self, robot) -> HeldFriction:
+        return self
+
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("held_Nm", 10.0),)
 
