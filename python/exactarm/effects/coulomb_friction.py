@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 from exactarm.effects.base import Change, Effect, Parameter
 from exactarm.effects.drive import DriveEffect, moving_axes
@@ -15,10 +14,10 @@ from exactarm.effects.drive import DriveEffect, moving_axes
 class CoulombFriction(DriveEffect):
     """Dry friction of one axis, beside what its tables declare."""
 
-    name: ClassVar[str] = "coulomb_friction"
-    plain: ClassVar[str] = "dry friction that is not declared"
-    sentence: ClassVar[str] = "axis {joint} has {torque_Nm:.3g} Nm of dry friction that is not declared"
-    source: ClassVar[str] = "Armstrong-Helouvry, Dupont and Canudas de Wit 1994; thesis (2.22)"
+    name = "coulomb_friction"
+    plain = "dry friction that is not declared"
+    sentence = "axis {joint} has {torque_Nm:.3g} Nm of dry friction that is not declared"
+    source = "Armstrong-Helouvry, Dupont and Canudas de Wit 1994; thesis (2.22)"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("torque_Nm", 10.0, lower=0.0),)

@@ -10,7 +10,6 @@ from __future__ import annotations
 from abc import ABC
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -73,10 +72,10 @@ def _log_cosh(x: np.ndarray) -> np.ndarray:
 class DriveEffect(Effect, ABC):
     """Adds to the drive torque of one axis, Nm on the output side."""
 
-    station: ClassVar[Station] = Station.DRIVE
-    in_axis_units: ClassVar[bool] = True
-    kinds: ClassVar[tuple[str, ...]] = (MOTION.name,)
-    compensable: ClassVar[bool] = False  # changes the torque that is needed, not where the arm goes
+    station = Station.DRIVE
+    in_axis_units = True
+    kinds = (MOTION.name,)
+    compensable = False  # changes the torque that is needed, not where the arm goes
 
     def rate(self, view) -> np.ndarray:
         """(N,) motor rate on the output side, rad/s."""

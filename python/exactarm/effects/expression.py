@@ -13,7 +13,6 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 
@@ -48,14 +47,13 @@ class Expression(Effect):
     heading: str = ""
     searched: tuple[tuple[str, tuple[float, ...]], ...] = ()
 
-    name: ClassVar[str] = "expression"
-    station: ClassVar[Station] = Station.SPRING
-    kinds: ClassVar[tuple[str, ...]] = ALL_KINDS
-    repeatable: ClassVar[bool] = True
-    source: ClassVar[str] = "a draft that was accepted"
-    open_parameters: ClassVar[
-        str
-    ] = "the names in its formula that are no signals, each with its plausible size in the draft"
+    name = "expression"
+    station = Station.SPRING
+    kinds = ALL_KINDS
+    repeatable = True
+    source = "a draft that was accepted"
+    open_parameters = (
+        "the names in its formula that are no signals, each with its plausible size in the draft")
 
     @property
     def compensable(self) -> bool:  # type: ignore[override]

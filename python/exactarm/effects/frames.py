@@ -8,7 +8,6 @@ x_measured = p_base + R_base (p_n + R_n p_tool).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -30,12 +29,12 @@ class Frames(Effect):
     names: tuple[str, ...] = tuple(f"base_{axis}"
                                    for axis in _AXES) + tuple(f"tool_{axis}" for axis in _AXES[:3])
 
-    name: ClassVar[str] = "frames"
-    station: ClassVar[Station] = Station.GEOMETRY
-    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
-    declared: ClassVar[bool] = True
-    per_joint: ClassVar[bool] = False
-    sentence: ClassVar[str] = "base and tool frames of a set-up"
+    name = "frames"
+    station = Station.GEOMETRY
+    kinds = WITH_TARGET
+    declared = True
+    per_joint = False
+    sentence = "base and tool frames of a set-up"
 
     @staticmethod
     def of(session: int, base, tool, orientation: bool) -> Frames:

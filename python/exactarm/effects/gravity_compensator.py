@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -25,16 +24,16 @@ class GravityCompensator(Effect):
 
     crank: bool = False
 
-    name: ClassVar[str] = "gravity_compensator"
-    station: ClassVar[Station] = Station.LOAD
-    kinds: ClassVar[tuple[str, ...]] = (MOTION.name, TRACKED_MOTION.name)
-    compensable: ClassVar[bool] = True
-    sentence: ClassVar[str] = (
+    name = "gravity_compensator"
+    station = Station.LOAD
+    kinds = (MOTION.name, TRACKED_MOTION.name)
+    compensable = True
+    sentence = (
         "a spring takes load off axis {joint}: {stiffness_Nm_per_rad:.3g} Nm/rad, preload {preload_Nm:.3g} "
         "Nm, "
         "crank {cosine_Nm:.3g} and {sine_Nm:.3g} Nm"
     )
-    source: ClassVar[str] = "Klimchik, Wu, Dumas, Caro, Furet and Pashkevich 2013"
+    source = "Klimchik, Wu, Dumas, Caro, Furet and Pashkevich 2013"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (

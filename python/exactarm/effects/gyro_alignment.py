@@ -8,7 +8,6 @@ axis. Part of the declared model: re-identified, one pair of angles for each set
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -26,14 +25,12 @@ class GyroAlignment(Effect):
     session: int = 1
     flipped: bool = False
 
-    name: ClassVar[str] = "gyro_alignment"
-    station: ClassVar[Station] = Station.DEVICE
-    kinds: ClassVar[tuple[str, ...]] = (GEAR_RUN.name,)
-    declared: ClassVar[bool] = True
-    sentence: ClassVar[
-        str
-    ] = "the gyroscope is tilted by {alpha_rad:.4g} and {beta_rad:.4g} rad against axis {joint}"
-    source: ClassVar[str] = "thesis (3.3)"
+    name = "gyro_alignment"
+    station = Station.DEVICE
+    kinds = (GEAR_RUN.name,)
+    declared = True
+    sentence = "the gyroscope is tilted by {alpha_rad:.4g} and {beta_rad:.4g} rad against axis {joint}"
+    source = "thesis (3.3)"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("alpha_rad", 0.02), Parameter("beta_rad", 0.02))

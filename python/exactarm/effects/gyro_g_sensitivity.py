@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -31,12 +30,12 @@ class GyroGSensitivity(Effect):
     rows: tuple[int, ...] = (0, 1, 2)
     columns: tuple[int, ...] = (0, 1, 2)
 
-    name: ClassVar[str] = "gyro_g_sensitivity"
-    station: ClassVar[Station] = Station.DEVICE
-    kinds: ClassVar[tuple[str, ...]] = (GEAR_RUN.name,)
-    per_joint: ClassVar[bool] = False
-    sentence: ClassVar[str] = "the gyroscope's reading follows gravity as the sensor turns in it"
-    source: ClassVar[str] = "IEEE Std 1431: g-sensitive drift"
+    name = "gyro_g_sensitivity"
+    station = Station.DEVICE
+    kinds = (GEAR_RUN.name,)
+    per_joint = False
+    sentence = "the gyroscope's reading follows gravity as the sensor turns in it"
+    source = "IEEE Std 1431: g-sensitive drift"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return tuple(

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -24,14 +23,14 @@ class GyroMisalignment(Effect):
 
     search: tuple[float, ...] = ()
 
-    name: ClassVar[str] = "gyro_misalignment"
-    station: ClassVar[Station] = Station.DEVICE
-    kinds: ClassVar[tuple[str, ...]] = (GEAR_RUN.name,)
-    per_joint: ClassVar[bool] = False
-    sentence: ClassVar[
-        str
-    ] = "from run {first_run:.0f} on the gyroscope is tilted by {about_x_rad:.3g}, {about_y_rad:.3g} rad more"
-    source: ClassVar[str] = "IEEE Std 1431: misalignment"
+    name = "gyro_misalignment"
+    station = Station.DEVICE
+    kinds = (GEAR_RUN.name,)
+    per_joint = False
+    sentence = (
+        "from run {first_run:.0f} on the gyroscope is tilted by {about_x_rad:.3g}, {about_y_rad:.3g} rad "
+        "more")
+    source = "IEEE Std 1431: misalignment"
 
     def parameters(self) -> tuple[Parameter, ...]:
         # The number of a run has no derivative: it is searched, then held.

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -40,17 +39,15 @@ class JointCompliance(Effect):
     cubic_free: bool = False
     beside_spring: bool = True
 
-    name: ClassVar[str] = "joint_compliance"
-    plain: ClassVar[str] = "a joint that gives way under load"
-    in_axis_units: ClassVar[bool] = True
-    station: ClassVar[Station] = Station.SPRING
-    kinds: ClassVar[tuple[str, ...]] = (POSES.name, MOTION.name, TRACKED_MOTION.name)
-    compensable: ClassVar[bool] = True
-    by_load: ClassVar[bool] = True
-    sentence: ClassVar[
-        str
-    ] = "axis {joint} gives way by {linear_rad_per_Nm:.3g} rad for every Nm that it carries"
-    source: ClassVar[str] = "thesis 1.1.2, (2.18), E4; Caenen and Angue 1990"
+    name = "joint_compliance"
+    plain = "a joint that gives way under load"
+    in_axis_units = True
+    station = Station.SPRING
+    kinds = (POSES.name, MOTION.name, TRACKED_MOTION.name)
+    compensable = True
+    by_load = True
+    sentence = "axis {joint} gives way by {linear_rad_per_Nm:.3g} rad for every Nm that it carries"
+    source = "thesis 1.1.2, (2.18), E4; Caenen and Angue 1990"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (
@@ -103,8 +100,8 @@ class RelativeCompliance(JointCompliance):
     own_free: bool = False
     links: tuple[int, int] | None = None
 
-    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
-    sentence: ClassVar[str] = "axis {joint} gives way by {linear_rad_per_Nm:.3g} rad for every Nm of its load"
+    kinds = WITH_TARGET
+    sentence = "axis {joint} gives way by {linear_rad_per_Nm:.3g} rad for every Nm of its load"
 
     def parameters(self) -> tuple[Parameter, ...]:
         linear = abs(self.values[0]) if self.values else 0.0

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -24,16 +23,14 @@ from exactarm.effects.moving_frames import turned_about
 class LinkCompliance(Effect):
     """Bending of bearing and link at one joint, the same in both directions across the axis."""
 
-    name: ClassVar[str] = "link_compliance"
-    plain: ClassVar[str] = "a link or bearing that bends under load"
-    station: ClassVar[Station] = Station.GEOMETRY
-    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
-    compensable: ClassVar[bool] = True
-    by_load: ClassVar[bool] = True
-    sentence: ClassVar[
-        str
-    ] = "bearing and link of axis {joint} bend across the axis by {rad_per_Nm:.3g} rad per Nm"
-    source: ClassVar[str] = "Abele, Weigold and Rothenbuecher 2007; Klimchik et al. 2013"
+    name = "link_compliance"
+    plain = "a link or bearing that bends under load"
+    station = Station.GEOMETRY
+    kinds = WITH_TARGET
+    compensable = True
+    by_load = True
+    sentence = "bearing and link of axis {joint} bend across the axis by {rad_per_Nm:.3g} rad per Nm"
+    source = "Abele, Weigold and Rothenbuecher 2007; Klimchik et al. 2013"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("rad_per_Nm", 2e-6, 0.0),)

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -33,16 +32,16 @@ class LoadDependence(HarmonicFamily):
     of_declared: bool = False
     beside_spring: bool = True
 
-    name: ClassVar[str] = "load_dependence"
-    plain: ClassVar[str] = "gear errors that grow with the load"
-    kinds: ClassVar[tuple[str, ...]] = (GEAR_RUN.name, MOTION.name)
-    compensable: ClassVar[bool] = True
-    by_load: ClassVar[bool] = True
-    repeatable: ClassVar[bool] = False
-    unit: ClassVar[str] = "_per_Nm"
-    plausible: ClassVar[float] = 1e-5
-    sentence: ClassVar[str] = "the error of gear {joint} changes with the torque that it carries"
-    source: ClassVar[str] = "thesis 1.1.1, 1.1.2"
+    name = "load_dependence"
+    plain = "gear errors that grow with the load"
+    kinds = (GEAR_RUN.name, MOTION.name)
+    compensable = True
+    by_load = True
+    repeatable = False
+    unit = "_per_Nm"
+    plausible = 1e-5
+    sentence = "the error of gear {joint} changes with the torque that it carries"
+    source = "thesis 1.1.1, 1.1.2"
 
     def factor(self, view):
         by_torque = np.zeros((view.rows, view.axes))

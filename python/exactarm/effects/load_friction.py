@@ -6,7 +6,6 @@ torque = coefficient |joint torque| sign(rate) (Hamon, Gautier and Garrec 2010).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -18,12 +17,10 @@ from exactarm.effects.drive import DriveEffect
 class LoadFriction(DriveEffect):
     """Share of the transmitted torque that one gear loses to friction."""
 
-    name: ClassVar[str] = "load_friction"
-    plain: ClassVar[str] = "friction that grows with the load"
-    sentence: ClassVar[
-        str
-    ] = "friction of axis {joint} grows by {coefficient:.3g} Nm for every Nm that the gear carries"
-    source: ClassVar[str] = "Hamon, Gautier and Garrec 2010"
+    name = "load_friction"
+    plain = "friction that grows with the load"
+    sentence = "friction of axis {joint} grows by {coefficient:.3g} Nm for every Nm that the gear carries"
+    source = "Hamon, Gautier and Garrec 2010"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("coefficient", 0.1, -5.0, 5.0),)

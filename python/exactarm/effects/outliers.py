@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from scipy import special
@@ -31,16 +30,14 @@ _ALIKE_COSINE, _ALIKE_SHARE = 0.5, 0.25  # of two random directions, a quarter l
 class Outliers(Effect):
     """Threshold of the residual above which a row is left out."""
 
-    name: ClassVar[str] = "outliers"
-    plain: ClassVar[str] = "single wrong measurements"
-    station: ClassVar[Station] = Station.DEVICE
-    of_record: ClassVar[bool] = True
-    kinds: ClassVar[tuple[str, ...]] = (POSES.name,)
-    per_joint: ClassVar[bool] = False
-    sentence: ClassVar[
-        str
-    ] = "single rows are wrong by themselves: those with more than {threshold_m:.3g} m are left out"
-    source: ClassVar[str] = "Rousseeuw and Hubert 2011"
+    name = "outliers"
+    plain = "single wrong measurements"
+    station = Station.DEVICE
+    of_record = True
+    kinds = (POSES.name,)
+    per_joint = False
+    sentence = "single rows are wrong by themselves: those with more than {threshold_m:.3g} m are left out"
+    source = "Rousseeuw and Hubert 2011"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("threshold_m", 1e-3, 0.0, fixed=True),)

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -30,16 +29,15 @@ class Payload(Effect):
     """Mass (kg) and first moment (kg m, DH frame n) of what the flange carries beside the declared
     links."""
 
-    name: ClassVar[str] = "payload"
-    plain: ClassVar[str] = "a payload that is not as declared"
-    station: ClassVar[Station] = Station.LOAD
-    kinds: ClassVar[tuple[str, ...]] = (POSES.name, MOTION.name, TRACKED_MOTION.name)
-    compensable: ClassVar[bool] = True
-    by_load: ClassVar[bool] = True
-    carried: ClassVar[bool] = True
-    per_joint: ClassVar[bool] = False
-    linear: ClassVar[bool] = False
-    source: ClassVar[str] = "Atkeson, An and Hollerbach 1986; Swevers, Verdonck and De Schutter 2007"
+    name = "payload"
+    plain = "a payload that is not as declared"
+    station = Station.LOAD
+    kinds = (POSES.name, MOTION.name, TRACKED_MOTION.name)
+    compensable = True
+    by_load = True
+    carried = True
+    per_joint = False
+    source = "Atkeson, An and Hollerbach 1986; Swevers, Verdonck and De Schutter 2007"
 
     def parameters(self) -> tuple[Parameter, ...]:
         moments = tuple(Parameter(f"moment_{axis}_kg_m", 1.0) for axis in "xyz")

@@ -26,8 +26,8 @@ class StepInOrder(Effect):
     driver: str = ROW
     search: tuple[float, ...] = field(default=(), kw_only=True)
 
-    of_record: ClassVar[bool] = True
-    of_one_session: ClassVar[bool] = True
+    of_record = True
+    of_one_session = True
     on_earlier_rows: ClassVar[bool] = False  # acts before the step: the model beside it is that of now
 
     def sizes(self) -> tuple[Parameter, ...]:

@@ -35,12 +35,12 @@ class ThermalDrift(Effect):
 
     driver: str = "time"
 
-    name: ClassVar[str] = "thermal_drift"
-    plain: ClassVar[str] = "drift with temperature or time"
-    station: ClassVar[Station] = Station.GEOMETRY
-    kinds: ClassVar[tuple[str, ...]] = ALL_KINDS
-    per_joint: ClassVar[bool] = False
-    source: ClassVar[str] = "Li and Zhao 2016; Bittencourt and Axelsson 2014; IEEE 952"
+    name = "thermal_drift"
+    plain = "drift with temperature or time"
+    station = Station.GEOMETRY
+    kinds = ALL_KINDS
+    per_joint = False
+    source = "Li and Zhao 2016; Bittencourt and Axelsson 2014; IEEE 952"
     form: ClassVar[str] = ""
 
     @property
@@ -81,8 +81,8 @@ class ThermalDrift(Effect):
 
 @dataclass(frozen=True)
 class ThermalGrowth(ThermalDrift):
-    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
-    form: ClassVar[str] = "growth"
+    kinds = WITH_TARGET
+    form = "growth"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter(f"growth_1_per_{self.unit}", 1e-5),)
@@ -123,8 +123,8 @@ def _slid(view, rotations: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class ThermalTargetDrift(ThermalDrift):
-    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
-    form: ClassVar[str] = "target"
+    kinds = WITH_TARGET
+    form = "target"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return tuple(Parameter(f"drift_{axis}_m_per_{self.unit}", 1e-4) for axis in "xyz")
@@ -141,10 +141,10 @@ class ThermalTargetDrift(ThermalDrift):
 
 @dataclass(frozen=True)
 class ThermalZeroDrift(ThermalDrift):
-    station: ClassVar[Station] = Station.SPRING
-    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
-    per_joint: ClassVar[bool] = True
-    form: ClassVar[str] = "zero"
+    station = Station.SPRING
+    kinds = WITH_TARGET
+    per_joint = True
+    form = "zero"
 
     @property
     def label(self) -> str:
@@ -170,9 +170,9 @@ class ThermalZeroDrift(ThermalDrift):
 
 @dataclass(frozen=True)
 class ThermalSensorDrift(ThermalDrift):
-    station: ClassVar[Station] = Station.DEVICE
-    kinds: ClassVar[tuple[str, ...]] = (GEAR_RUN.name,)
-    form: ClassVar[str] = "sensor"
+    station = Station.DEVICE
+    kinds = (GEAR_RUN.name,)
+    form = "sensor"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return tuple(Parameter(f"drift_{axis}_rad_s_per_{self.unit}", 1e-4) for axis in "xyz")
@@ -194,8 +194,8 @@ class ThermalSensorDrift(ThermalDrift):
 class _FrictionFalls:
     """What the four forms of the drive share: a part of the friction that falls by `fall` of itself."""
 
-    station: ClassVar[Station] = Station.DRIVE
-    kinds: ClassVar[tuple[str, ...]] = (MOTION.name,)
+    station = Station.DRIVE
+    kinds = (MOTION.name,)
     dry: ClassVar[bool] = False
 
     @property
@@ -243,23 +243,23 @@ class _FrictionFalls:
 
 @dataclass(frozen=True)
 class ThermalLubricant(_FrictionFalls, ThermalDrift):
-    form: ClassVar[str] = "lubricant"
+    form = "lubricant"
 
 
 @dataclass(frozen=True)
 class ThermalLubricantOfAxis(_FrictionFalls, ThermalDrift):
-    per_joint: ClassVar[bool] = True
-    form: ClassVar[str] = "lubricant_of_axis"
+    per_joint = True
+    form = "lubricant_of_axis"
 
 
 @dataclass(frozen=True)
 class ThermalFriction(_FrictionFalls, ThermalDrift):
-    dry: ClassVar[bool] = True
-    form: ClassVar[str] = "friction"
+    dry = True
+    form = "friction"
 
 
 @dataclass(frozen=True)
 class ThermalFrictionOfAxis(_FrictionFalls, ThermalDrift):
-    dry: ClassVar[bool] = True
-    per_joint: ClassVar[bool] = True
-    form: ClassVar[str] = "friction_of_axis"
+    dry = True
+    per_joint = True
+    form = "friction_of_axis"

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -32,16 +31,16 @@ class ToolShift(StepInOrder):
 
     turn: bool = False
 
-    name: ClassVar[str] = "tool_shift"
-    plain: ClassVar[str] = "a tool or reflector that was knocked"
-    station: ClassVar[Station] = Station.GEOMETRY
-    on_earlier_rows: ClassVar[bool] = True
-    kinds: ClassVar[tuple[str, ...]] = (POSES.name,)
-    per_joint: ClassVar[bool] = False
+    name = "tool_shift"
+    plain = "a tool or reflector that was knocked"
+    station = Station.GEOMETRY
+    on_earlier_rows = True
+    kinds = (POSES.name,)
+    per_joint = False
     # A zero of the last axis that moved looks like a tool that moved along its circle: as probable as that of
     # one axis of six, so that such a move is named by what needs one number.
-    log_odds: ClassVar[float] = -float(np.log(6.0))
-    source: ClassVar[str] = "ISO 9283 (fixing of the target); ISO 10360-10 (stability of reflectors)"
+    log_odds = -float(np.log(6.0))
+    source = "ISO 9283 (fixing of the target); ISO 10360-10 (stability of reflectors)"
 
     def sizes(self) -> tuple[Parameter, ...]:
         return shift_and_turn(3e-4, 1e-3, self.turn)

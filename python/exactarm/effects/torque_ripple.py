@@ -9,7 +9,6 @@ the angle are tried, too.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -25,15 +24,14 @@ _SAME = 0.02  # relative: the search refines an order by itself
 class TorqueRipple(DriveEffect):
     """One order of one axis."""
 
-    name: ClassVar[str] = "torque_ripple"
-    plain: ClassVar[str] = "torque ripple of the motor"
-    linear: ClassVar[bool] = False
+    name = "torque_ripple"
+    plain = "torque ripple of the motor"
     search: tuple[float, ...] = ORDERS
-    sentence: ClassVar[str] = (
+    sentence = (
         "the torque of axis {joint} ripples {order:.4g} times per motor revolution "
         "({cosine_Nm:.3g} Nm cosine, {sine_Nm:.3g} Nm sine)"
     )
-    source: ClassVar[str] = "Holtz and Springob 1996"
+    source = "Holtz and Springob 1996"
 
     @property
     def label(self) -> str:

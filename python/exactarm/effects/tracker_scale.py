@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -21,15 +20,15 @@ class TrackerScale(Effect):
 
     axes: str = "z"
 
-    name: ClassVar[str] = "tracker_scale"
-    plain: ClassVar[str] = "a wrong scale of the tracker"
-    station: ClassVar[Station] = Station.DEVICE
-    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
-    per_joint: ClassVar[bool] = False
-    sentence: ClassVar[str] = (
+    name = "tracker_scale"
+    plain = "a wrong scale of the tracker"
+    station = Station.DEVICE
+    kinds = WITH_TARGET
+    per_joint = False
+    sentence = (
         "the measuring device stretches its axes by {x_scale:.3g}, {y_scale:.3g} and {z_scale:.3g} (x, y, z)"
     )
-    source: ClassVar[str] = "ASME B89.4.19 (ranging and angular errors of laser trackers)"
+    source = "ASME B89.4.19 (ranging and angular errors of laser trackers)"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return tuple(Parameter(f"{axis}_scale", 1e-4, -0.1, 0.1, fixed=axis not in self.axes)

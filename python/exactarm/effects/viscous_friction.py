@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -16,12 +15,10 @@ from exactarm.effects.drive import DriveEffect, moving_axes
 class ViscousFriction(DriveEffect):
     """Friction of one axis in proportion to its rate, beside what its tables declare."""
 
-    name: ClassVar[str] = "viscous_friction"
-    plain: ClassVar[str] = "viscous friction that is not declared"
-    sentence: ClassVar[
-        str
-    ] = "axis {joint} has {coefficient_Nm_s:.3g} Nm s of viscous friction that is not declared"
-    source: ClassVar[str] = "Armstrong-Helouvry, Dupont and Canudas de Wit 1994; thesis (2.22)"
+    name = "viscous_friction"
+    plain = "viscous friction that is not declared"
+    sentence = "axis {joint} has {coefficient_Nm_s:.3g} Nm s of viscous friction that is not declared"
+    source = "Armstrong-Helouvry, Dupont and Canudas de Wit 1994; thesis (2.22)"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("coefficient_Nm_s", 10.0, lower=0.0),)
