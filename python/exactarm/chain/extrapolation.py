@@ -25,9 +25,7 @@ def extrapolations(robot: Robot, q: np.ndarray, what: str = "rows") -> tuple[str
             low, high = np.asarray(effect.angles_measured) + robot.offsets[effect.index]
             seen = (f"{low:.3f} to {high:.3f} m" if slides(robot, effect.joint)
                     else f"{np.rad2deg(low):.0f} to {np.rad2deg(high):.0f} deg")
-            told.append(
-                f"the curve of {effect.name} of axis {effect.joint} was measured from {seen}; "
-                f"{np.sum(~inside):,} of {len(q):,} {what} lie beyond, where it keeps its "
-                "end value, or in a gap"
-            )
+            told.append(f"the curve of {effect.name} of axis {effect.joint} was measured from {seen}; "
+                        f"{np.sum(~inside):,} of {len(q):,} {what} lie beyond, where it keeps its "
+                        "end value, or in a gap")
     return tuple(told)

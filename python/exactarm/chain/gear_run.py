@@ -65,15 +65,8 @@ class GearRunPrediction:
         return self.observed - self.measured
 
 
-def predict_gear_run(
-    robot: Robot,
-    layout: Layout,
-    data: Dataset,
-    *,
-    record: GearRecord | None = None,
-    tangents: bool = True,
-    threads: int = 1,
-) -> GearRunPrediction:
+def predict_gear_run(robot: Robot, layout: Layout, data: Dataset, *, record: GearRecord | None = None,
+                     tangents: bool = True, threads: int = 1) -> GearRunPrediction:
     """Prediction of every row with the effects of `layout`; `record`: of the same data, to save its
     preparation."""
     record = gear_record(robot, data) if record is None else record
@@ -102,10 +95,8 @@ def predict_gear_run(
     return GearRunPrediction(view.measured, observed, jacobian, along, view)
 
 
-def _pass(
-    view: View, layout: Layout, station: Station, signal: str, passed: list[Recorded],
-    derivatives: bool = True
-) -> None:
+def _pass(view: View, layout: Layout, station: Station, signal: str, passed: list[Recorded],
+          derivatives: bool = True) -> None:
     """Adds the changes at a station to the signal's values and records them for the tangents."""
     for index, effect in enumerate(layout.effects):
         if acts(effect, view, station):
@@ -231,8 +222,6 @@ def _transfers(view: View, record: GearRecord, weights: np.ndarray) -> dict:
         out[:, list(columns)] = derivative
         return out
 
-    return {
-        Station.MOTOR: motor, Station.GEAR: joint, Station.LOAD: load, Station.SPRING: joint,
-        Station.GEOMETRY: geometry, Station.DEVICE: device,
-    }
+    return {Station.MOTOR: motor, Station.GEAR: joint, Station.LOAD: load, Station.SPRING: joint,
+            Station.GEOMETRY: geometry, Station.DEVICE: device}
 

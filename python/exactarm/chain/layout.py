@@ -78,10 +78,8 @@ class Layout:
     @cached_property
     def names(self) -> tuple[ParameterId, ...]:
         """Unique labels of the free parameters, with units, and what they are."""
-        return tuple(
-            e.parameter_id(p) for e, mask in zip(self.effects, self.free)
-            for p, keep in zip(e.parameters(), mask) if keep
-        )
+        return tuple(e.parameter_id(p) for e, mask in zip(self.effects, self.free)
+                     for p, keep in zip(e.parameters(), mask) if keep)
 
     @cached_property
     def prior(self) -> np.ndarray:

@@ -289,10 +289,8 @@ def _taken_by_drives(view: View) -> tuple[np.ndarray, ...]:
     theta_dot (N, n) and theta_ddot (n,)."""
     nominal = view.robot.controller_ratios
     rate = view.signals["theta_dot"] / nominal
-    coulomb, viscous, rotor = (
-        np.array([getattr(joint, name) or 0.0 for joint in view.robot.joints])
-        for name in ("coulomb", "viscous", "rotor_inertia")
-    )
+    coulomb, viscous, rotor = (np.array([getattr(joint, name) or 0.0 for joint in view.robot.joints])
+                               for name in ("coulomb", "viscous", "rotor_inertia"))
     taken = rotor * nominal * view.signals["theta_ddot"] + viscous * rate
     by_rate, by_angle = np.tile(viscous, (view.rows, 1)), np.zeros_like(rate)
     for index in np.flatnonzero(coulomb):
@@ -334,10 +332,8 @@ def _transmission_tangent(view: MotionView, robot: Robot, layout: Layout) -> np.
     """(N, n, P) derivative of (dphi/dtheta)' torque by the parameters of the gears, the torque held."""
     tangent = np.zeros((view.rows, view.axes, layout.size))
     record = view.evaluated[2]
-    known = (
-        declared_output_angle(view) if any(effect.station == Station.GEAR for effect in layout.effects)
-        else None
-    )
+    known = (declared_output_angle(view) if any(effect.station == Station.GEAR for effect in layout.effects)
+             else None)
     sized = [index for index, effect in enumerate(layout.effects)
              if effect.only_in_tables or _has_size(effect)]
     for index, effect in enumerate(layout.effects):
@@ -367,10 +363,8 @@ def _has_size(effect: Effect) -> bool:
                if not p.fixed and not p.search)
 
 
-def _shifted_transmission(
-    view: MotionView, robot: Robot, layout: Layout, record: MotionRecord,
-    declared: tuple[np.ndarray, np.ndarray] | None
-) -> np.ndarray:
+def _shifted_transmission(view: MotionView, robot: Robot, layout: Layout, record: MotionRecord,
+                          declared: tuple[np.ndarray, np.ndarray] | None) -> np.ndarray:
     if declared is not None:
         return transmission(view, layout, declared)
     shifted = replace(view, robot=layout.baked(robot), signals=dict(view.signals), tangents={})

@@ -118,10 +118,8 @@ class MotionRecord:
     def slow(self, values: np.ndarray) -> np.ndarray:
         """(N, ...) behind a low-pass that leaves what arms are moved by; as it is where nothing was
         filtered."""
-        return (
-            values if self.bandwidth_hz is None
-            else self._low_passed(values, min(SLOW_HZ / self.bandwidth_hz, 1.0))
-        )
+        return (values if self.bandwidth_hz is None
+                else self._low_passed(values, min(SLOW_HZ / self.bandwidth_hz, 1.0)))
 
     def _low_passed(self, values: np.ndarray, wider: float) -> np.ndarray:
         if self.bandwidth_hz is None or wider * self.bandwidth_hz >= _LARGEST / self.step:
@@ -180,22 +178,15 @@ def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None
     stack = lambda k: np.concatenate([part[k] for part in parts])
     counts = np.cumsum([0] + [len(part[0]) for part in parts])
     sides = [direction_of_motion(part[6], part[1] / np.abs(robot.ratios)) for part in parts]
-    return MotionRecord(
-        data=replace(data.select(kept), time=stack(6)),
-        theta=stack(1),
-        theta_dot=stack(2),
-        theta_ddot=stack(3),
-        torque=stack(4),
-        direction=np.concatenate(sides),
-        inside=stack(5),
-        runs=tuple(np.arange(a, b) for a, b in zip(counts[:-1], counts[1:])),
-        bandwidth_hz=bandwidth if filtered else None,
-        step=float(np.median([np.median(np.diff(part[6])) for part in parts])),
-        logged_step=float(np.median(steps)),
-        dry=DryFriction.of(robot.axes),
-        at_reversal=np.zeros(len(kept), bool),
-        samples=_samples(robot, parts, float(np.median(steps)), bandwidth),
-    )
+    return MotionRecord(data=replace(data.select(kept), time=stack(6)),
+                        theta=stack(1), theta_dot=stack(2), theta_ddot=stack(3), torque=stack(4),
+                        direction=np.concatenate(sides), inside=stack(5),
+                        runs=tuple(np.arange(a, b) for a, b in zip(counts[:-1], counts[1:])),
+                        bandwidth_hz=bandwidth if filtered else None,
+                        step=float(np.median([np.median(np.diff(part[6])) for part in parts])),
+                        logged_step=float(np.median(steps)), dry=DryFriction.of(robot.axes),
+                        at_reversal=np.zeros(len(kept), bool),
+                        samples=_samples(robot, parts, float(np.median(steps)), bandwidth))
 
 
 def _samples(robot: Robot, parts: list[tuple], step: float, bandwidth: float) -> LogSamples | None:
@@ -214,10 +205,8 @@ def default_bandwidth(robot: Robot, data: Dataset) -> float:
 
     Near it, what the drives feel hangs on a damping that nobody declared.
     """
-    shaken = (
-        any(joint.has_harmonics for joint in robot.joints)
-        and all(joint.spring_linear for joint in robot.joints)
-    )
+    shaken = (any(joint.has_harmonics for joint in robot.joints)
+              and all(joint.spring_linear for joint in robot.joints))
     if not shaken or robot.links is None:
         return BANDWIDTH_HZ
     rows = np.linspace(0, len(data) - 1, min(_SAMPLED_ROWS, len(data))).astype(int)

@@ -197,10 +197,8 @@ def _transfers(view: View, joint_columns: np.ndarray) -> dict:
         out[:, list(columns)] = derivative
         return out
 
-    return {
-        Station.MOTOR: motor, Station.GEAR: joint, Station.LOAD: load, Station.SPRING: joint,
-        Station.GEOMETRY: geometry, Station.DEVICE: geometry,
-    }
+    return {Station.MOTOR: motor, Station.GEAR: joint, Station.LOAD: load, Station.SPRING: joint,
+            Station.GEOMETRY: geometry, Station.DEVICE: geometry}
 
 
 def _placed(robot: Robot, layout: Layout, session: int) -> Robot:

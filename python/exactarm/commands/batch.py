@@ -137,8 +137,7 @@ def _fleet(manifest: AnyManifest, folder: Path, executor: Executor | None, again
         for future in as_completed(futures):
             job, error = futures[future], future.exception()
             outcomes[job.name] = (
-                future.result() if error is None else _failed(job, f"the worker ended: {error}")
-            )
+                future.result() if error is None else _failed(job, f"the worker ended: {error}"))
             progress.step(note=job.name)
     ended = [outcomes[job.name] for job in jobs]
     read = sources([manifest]) if isinstance(manifest, (str, Path)) else ()
@@ -151,8 +150,7 @@ def _fleet(manifest: AnyManifest, folder: Path, executor: Executor | None, again
                                     for name in Outcome.__dataclass_fields__}},
         exit_code=1 if failed else 0,
         asked=Asked("batch", f"exactarm.batch({str(manifest)!r}, {str(folder)!r}, seed={seed})"
-                    if read else "exactarm.batch(...)", None, read, seed),
-    )
+                    if read else "exactarm.batch(...)", None, read, seed))
 
 
 def run_job(job: Job, folder: Path, threads: int = 1) -> Outcome:
@@ -302,8 +300,7 @@ def _report(ended: Sequence[Outcome]) -> Report:
     more = f" ({count['failed'] - 1} more failed)" if count["failed"] > 1 else ""
     verdict = (
         f"{len(ended)} job{'s' if len(ended) != 1 else ''}: {count['done']} computed, {count['kept']} kept "
-        f"because nothing had changed, {count['failed']} failed.{first}{more}"
-    )
+        f"because nothing had changed, {count['failed']} failed.{first}{more}")
     judged = any(outcome.verdict for outcome in ended)  # of a diagnosis
     row = lambda o: (o.name, o.command, o.robot, o.state, *([o.verdict.replace("_", " ")] if judged else []),
                      Quantity(o.before_rms, o.unit),

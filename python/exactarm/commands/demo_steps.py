@@ -58,5 +58,4 @@ STEPS = (
          ("simulate", "racer-7-1.4", "--compare", "line", "--rate", "500"), real=False, picture="compare"),
     Step("racer_loop", "Racer 7-1.4 with a hidden backlash: the full loop, to the plan that knows of it",
          ("loop", "racer-7-1.4", "--effect", "backlash joint=2 width_rad=4e-4"), real=False,
-         picture="tracking"),
-)
+         picture="tracking"))

@@ -147,8 +147,7 @@ def _row(result: Diagnosis, finding: Finding, contribution: Contribution | None)
     measure, size = _size(finding, contribution, result.robot)
     at_tool = getattr(finding, "at_tool_um", None)
     tool = (
-        1e-6 * at_tool if at_tool is not None else contribution.at_tool if contribution is not None else None
-    )
+        1e-6 * at_tool if at_tool is not None else contribution.at_tool if contribution is not None else None)
     if left := rows_left_out(result, finding):
         measure = (f"median error of {result.excluded} rows left out" if result.excluded > 1
                    else "error of the row left out")
@@ -161,8 +160,7 @@ def _row(result: Diagnosis, finding: Finding, contribution: Contribution | None)
         None if tool is None else Quantity(1e6 * tool, "µm"),
         None if share is None else f"{100.0 * share:.0f} %",
         percent(finding.probability),
-        ", ".join(f"{_label(other).replace('_', ' ')} ({percent(_probability(other))})" for other in others),
-    ]
+        ", ".join(f"{_label(other).replace('_', ' ')} ({percent(_probability(other))})" for other in others)]
 
 
 def _label(member: Any) -> str:
@@ -198,10 +196,8 @@ def _size(finding: Finding, contribution: Contribution | None, robot: Robot) -> 
 
 def percent(probability: float) -> str:
     """0.0005 and less, 0.9995 and more are beyond what a model's probability means."""
-    return (
-        "< 0.1 %" if probability < 5e-4 else f"{100 * probability:.1f} %"
-        if probability < 0.9995 else "> 99.9 %"
-    )
+    return ("< 0.1 %" if probability < 5e-4 else f"{100 * probability:.1f} %"
+            if probability < 0.9995 else "> 99.9 %")
 
 
 def parameters_table(found: Sequence[tuple[Finding, Contribution | None]], robot: Robot) -> Table:
@@ -251,8 +247,7 @@ def curves_figure(found: Sequence[tuple[Finding, Contribution | None]]) -> list[
         + (" RMS of the grey points, and of what is left with the cause." if grey else "")
         + (" Over a phase: without what changes more slowly than a wave." if any(
             c.fast for _, c in found if c is not None) else ""),
-        "one panel for each effect found: its curve with band over its own signal, and the error without it",
-    )]
+        "one panel for each effect found: its curve with band over its own signal, and the error without it")]
 
 
 def _panels(c: Contribution) -> list[EffectPanel]:

@@ -46,8 +46,7 @@ def highlights(before: Mapping[str, ErrorSummary], after: Mapping[str, ErrorSumm
     return Highlights(tuple(
         Highlight(f"{judge}, {name}", Quantity(getattr(after[judge], field), unit),
                   None if before == after else Quantity(getattr(before[judge], field), unit))
-        for name, field in (("mean", "mean"), ("RMS", "rms"), ("maximum", "max"))
-    ))
+        for name, field in (("mean", "mean"), ("RMS", "rms"), ("maximum", "max"))))
 
 
 def error_figures(
@@ -58,19 +57,17 @@ def error_figures(
     validation = ~identification
     shown = validation if validation.any() else np.ones(len(before), bool)
     which = f"{'validation' if validation.any() else 'identification'} {row}s"
-    return (
-        Figure("error_per_row", f"{name.capitalize()} of every {row}",
-               partial(error_per_pose, before, after, validation, unit, name=name, row=row),
-               f"Validation {row}s are marked: they took no part in any fit or choice.{order}",
-               f"{name} before and after against the {row} number",
-               partial(error_per_pose_panel, before, after, validation, unit, name=name, row=row)),
-        Figure("error_histogram", f"Distribution of the {name}",
-               partial(error_histogram, before[shown], after[shown], unit, name=name, of=which),
-               f"Number of {which} by their error"
-               + ("." if np.array_equal(before, after) else ", before and after."),
-               f"histogram of the {name}",
-               partial(error_histogram_panel, before[shown], after[shown], unit, name=name, of=which)),
-    )
+    return (Figure("error_per_row", f"{name.capitalize()} of every {row}",
+                   partial(error_per_pose, before, after, validation, unit, name=name, row=row),
+                   f"Validation {row}s are marked: they took no part in any fit or choice.{order}",
+                   f"{name} before and after against the {row} number",
+                   partial(error_per_pose_panel, before, after, validation, unit, name=name, row=row)),
+            Figure("error_histogram", f"Distribution of the {name}",
+                   partial(error_histogram, before[shown], after[shown], unit, name=name, of=which),
+                   f"Number of {which} by their error"
+                   + ("." if np.array_equal(before, after) else ", before and after."),
+                   f"histogram of the {name}",
+                   partial(error_histogram_panel, before[shown], after[shown], unit, name=name, of=which)))
 
 
 def parameter_table(names, start, values, intervals, units, at_bound=None) -> Table:
@@ -78,8 +75,7 @@ def parameter_table(names, start, values, intervals, units, at_bound=None) -> Ta
     rows = tuple(
         (name, Quantity(float(s), unit, exact=True), Estimate(float(v), float(low), float(high), unit),
          "at its bound" if at_bound is not None and at_bound[i] else "")
-        for i, (name, s, v, (low, high), unit) in enumerate(zip(names, start, values, intervals, units))
-    )
+        for i, (name, s, v, (low, high), unit) in enumerate(zip(names, start, values, intervals, units)))
     return Table("Parameters", ("parameter", "declared", "estimate (95 %)", ""), rows)
 
 
@@ -95,8 +91,7 @@ def geometry_tables(names, start, values, intervals, units, at_bound) -> tuple[T
              Quantity(float(v) / size, shown, decimals=decimals),
              Estimate(*(float(x - s) / size for x in (v, low, high)), shown), "at its bound" if bound else "")
             for name, s, v, (low, high), own, bound in zip(names, start, values, intervals, units, at_bound)
-            if own == unit
-        ]
+            if own == unit]
         tables.append(Table(heading, ("parameter", "declared", "identified", "change (95 %)", ""),
                             tuple(rows)))
     other = [k for k, unit in enumerate(units) if unit not in ("m", "rad")]

@@ -80,8 +80,7 @@ def _require_text(words: Sequence[str]) -> None:
         except UnicodeEncodeError:
             shown = word.encode(errors="backslashreplace").decode()
             raise InputError(
-                f"argument {shown}: is no UTF-8 text; expected a name that a result can hold"
-            ) from None
+                f"argument {shown}: is no UTF-8 text; expected a name that a result can hold") from None
         if "\0" in word:
             raise InputError("argument with a null character; expected text")
 

@@ -121,8 +121,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         report=_report(robot, path, rounds, diagnosis, hidden),
         robot=diagnosis.robot,
         tables={"tracking.csv": {f"error_{r.name.replace(' ', '_')}_m": r.error for r in rounds}},
-        texts={"truth.toml": robot_text(virtual.true)},
-    )
+        texts={"truth.toml": robot_text(virtual.true)})
 
 
 def _measure(virtual: VirtualRobot, arguments, random: np.random.Generator) -> Dataset:
@@ -172,13 +171,11 @@ def _quaternion(rotation: np.ndarray) -> np.ndarray:
 
 
 def _json(rounds: list[_Round], diagnosis: Diagnosis) -> dict:
-    return {
-        "rounds": [{"name": r.name, "tracking": r.summary.to_json()} for r in rounds],
-        "verdict": diagnosis.verdict,
-        "sentence": diagnosis.sentence,
-        "effects": [{"effect": f.effect.name, "joint": f.effect.joint, "probability": f.probability}
-                    for f in diagnosis.findings],
-    }
+    return {"rounds": [{"name": r.name, "tracking": r.summary.to_json()} for r in rounds],
+            "verdict": diagnosis.verdict,
+            "sentence": diagnosis.sentence,
+            "effects": [{"effect": f.effect.name, "joint": f.effect.joint, "probability": f.probability}
+                        for f in diagnosis.findings]}
 
 
 def _report(robot: Robot, path: PlannedPath, rounds: list[_Round], diagnosis: Diagnosis,
@@ -187,8 +184,7 @@ def _report(robot: Robot, path: PlannedPath, rounds: list[_Round], diagnosis: Di
     drawn, calibrated, diagnosed = quantities([r.summary.rms for r in rounds], "m")
     verdict = (
         f"On the path '{path.name}' the target of the virtual {robot.name} misses by {drawn} RMS as drawn, "
-        f"by {calibrated} calibrated and by {diagnosed} diagnosed."
-    )
+        f"by {calibrated} calibrated and by {diagnosed} diagnosed.")
     rows = tuple((r.name, *(Quantity(getattr(r.summary, f), "m") for f in ("mean", "rms", "max")))
                  for r in rounds)
     time = np.linspace(0.0, path.duration, len(first.error))
@@ -205,6 +201,5 @@ def _report(robot: Robot, path: PlannedPath, rounds: list[_Round], diagnosis: Di
         Table("What was hidden, and what was found", ("", "effect", "in words"), (
             *((what, effect.title, with_prefixes(effect.describe_on(robot))) for what, effects in (
                 ("hidden", hidden), ("found", [found.effect for found in diagnosis.findings])
-            ) for effect in effects),
-        ), "The diagnosis saw the measured poses only."),
+            ) for effect in effects),), "The diagnosis saw the measured poses only."),
     ), "good" if last.summary.rms <= middle.summary.rms else "caution")

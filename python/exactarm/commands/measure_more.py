@@ -54,8 +54,7 @@ _AT_REST = (
     ((POSITION, PLACE),
      "{elsewhere}: what stays with the device is not the arm's"),
     ((TIME, ORDER),
-     "visit five of the poses again every quarter of an hour: what changes with time shows there"),
-)
+     "visit five of the poses again every quarter of an hour: what changes with time shows there"))
 _IN_MOTION = (
     ((DIRECTION, SPEED),
      "move axis {axis} alone to and fro, at three constant speeds from slow to fast: friction and play "
@@ -71,8 +70,7 @@ _IN_MOTION = (
      "play the same motion at half the speed: inertia and delays fall with it, friction and gears stay"),
     ((POSITION, PLACE), "{elsewhere}: what stays with the device is not the arm's"),
     ((TIME,),
-     "play the same motion cold, and after half an hour of work: what warms up shows in the difference"),
-)
+     "play the same motion cold, and after half an hour of work: what warms up shows in the difference"))
 _WANDERS = (
     "see that nothing moved (base, device, reflector), and visit one pose again after every ten others: "
     "drift and jumps show there by themselves")
@@ -84,11 +82,9 @@ _ELSEWHERE = {
     Device.CONTACT: "touch at another place of the fixture",
 }
 _OTHER = "record the same once more with another {signal}: what follows it shows in the difference"
-_NOTHING = (
-    "visit five poses ten times each: if they scatter as much as the error that is left, it is the "
-    "device; if not, it is the arm, and more poses are needed",
-    "record the same motion three times: what repeats is the arm, what does not is the sensor",
-)
+_NOTHING = ("visit five poses ten times each: if they scatter as much as the error that is left, it is the "
+            "device; if not, it is the arm, and more poses are needed",
+            "record the same motion three times: what repeats is the arm, what does not is the sensor")
 _WORTH_A_WORD, _CHANCE = 1.2, 0.01  # ratio of two errors, and how often chance alone makes one as large
 _FEW_ROWS = {
     True: "measure as many poses again, elsewhere in the work space",

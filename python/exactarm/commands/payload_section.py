@@ -17,8 +17,7 @@ def with_payload_section(result: CommandResult, payloads: tuple[EstimatedPayload
     rows = tuple(
         (str(p.session), Estimate(p.mass, *p.interval, "kg") if p.estimated else Quantity(p.mass, "kg"),
          ", ".join(f"{1e3 * float(x):.0f}" for x in p.centre), "estimated" if p.estimated else "as given")
-        for p in payloads
-    )
+        for p in payloads)
     table = Table("Payload of each session", ("session", "mass (95 %)", "centre in the flange frame, mm", ""),
                   rows, f"{note} payloads.csv is a table for --sessions with these masses.")
     values = [{"session": p.session, "mass_kg": estimate(p.mass, *p.interval), "centre_m": p.centre.tolist(),

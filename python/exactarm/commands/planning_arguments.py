@@ -31,8 +31,7 @@ def add_planning(parser: argparse.ArgumentParser) -> None:
                              "floor, z >= 0)")
     parser.add_argument("--clearance", metavar="M", type=float,
                         help="least distance of flange and target from base column and upper arm in m "
-                             "(default: a tenth "
-                             "of the arm; 0: none)")
+                             "(default: a tenth of the arm; 0: none)")
 
 
 def add_station(parser: argparse.ArgumentParser) -> None:

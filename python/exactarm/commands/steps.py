@@ -51,8 +51,7 @@ def steps_of_kinds(kinds: Sequence[str]) -> dict[str, float]:
     """Of a diagnosis of a file that holds data of these kinds, one after the other."""
     each = {name: share for name, share in STEPS["diagnose"].items() if name != READING}
     return {READING: STEPS["diagnose"][READING]} | {
-        step_of(name, kind, kinds): share for kind in kinds for name, share in each.items()
-    }
+        step_of(name, kind, kinds): share for kind in kinds for name, share in each.items()}
 
 
 def step_of(name: str, kind: str, kinds: Sequence[str]) -> str:

@@ -55,10 +55,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="samples a second (default: that of the path)")
 
 
-def study(
-    robot: AnyRobot, paths: str | Path | Sequence[str | Path], *, seed: int = DEFAULT_SEED,
-    threads: int | None = None, progress: Progress = SILENT, **options: Any,
-) -> CommandResult:
+def study(robot: AnyRobot, paths: str | Path | Sequence[str | Path], *, seed: int = DEFAULT_SEED,
+          threads: int | None = None, progress: Progress = SILENT, **options: Any) -> CommandResult:
     """Plans with several weights of the input: accuracy against bandwidth. Nothing in it is random: `seed` is
     recorded.
 
@@ -84,12 +82,8 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     arguments.progress.stage(CASES, total=sum(len(_inputs(weights)) for _ in paths))
     studies = {path.name: _study(robot, path, weights, arguments) for path in paths}
     files = tuple(Path(name) for name in arguments.paths if name not in shipped_paths())
-    return CommandResult(
-        json=_json(studies),
-        report=study_report(robot, studies),
-        tables={"study.csv": _columns(studies)},
-        inputs=files,
-    )
+    return CommandResult(json=_json(studies), report=study_report(robot, studies),
+                         tables={"study.csv": _columns(studies)}, inputs=files)
 
 
 def _weights(text: str | None) -> tuple[float, ...]:
@@ -158,9 +152,7 @@ def _json(studies: dict[str, dict[str, list[Case]]]) -> dict[str, Any]:
              "between": summarise(case.played.between).to_json(),
              "bandwidth_hz": list(case.bandwidth), "energy_bandwidth_hz": list(case.plan.bandwidth),
              "ringing_rad_s2": case.ringing}
-            for path, kind, case in _all(studies)
-        ],
-    }
+            for path, kind, case in _all(studies)]}
 
 
 def _columns(studies: dict[str, dict[str, list[Case]]]) -> dict[str, list[Any]]:
@@ -169,8 +161,7 @@ def _columns(studies: dict[str, dict[str, list[Case]]]) -> dict[str, list[Any]]:
     columns: dict[str, list[Any]] = {
         "path": [path for path, _, _ in rows], "input": [kind for _, kind, _ in rows],
         "nu": [case.plan.path.nu for *_, case in rows],
-        "planned_rms_m": [case.plan.tracking.position_rms for *_, case in rows],
-    }
+        "planned_rms_m": [case.plan.tracking.position_rms for *_, case in rows]}
     for where in ("knots", "between"):
         for measure in ("rms", "max"):
             columns[f"{where}_{measure}_m"] = [getattr(summarise(getattr(case.played, where)), measure)

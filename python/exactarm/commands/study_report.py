@@ -41,22 +41,18 @@ def study_report(robot: Robot, studies: dict[str, Study]) -> Report:
         Figure("tradeoff", "Accuracy against bandwidth", partial(_trade_off, studies),
                "Error of the flange between the knots on the virtual robot over the largest bandwidth of an "
                "axis. Each point is a weight; a line joins them in their order.",
-               "error over bandwidth, both logarithmic, for both inputs"),
-    ]
+               "error over bandwidth, both logarithmic, for both inputs")]
     for path, kinds in studies.items():
         sections += _figures(robot, path, kinds)
     sections.append(Text("How to read it", (
         "Knots: the samples of the plan.",
         "Bandwidth: highest frequency at which the spectrum of the motor acceleration of an axis is above "
-        f"{PEAK_SHARE:g} of the largest peak of all axes. "
-        "Ringing: RMS of what alternates from knot to knot, the eigenvalue −1 of the trapezoidal rule. All "
-        "accelerations on the "
-        "output side of the gears. Played on the virtual robot without deviations by the stiff integrator, "
-        "between the knots on "
-        "the quintic spline through the motor angles at the knots.",
+        f"{PEAK_SHARE:g} of the largest peak of all axes. Ringing: RMS of what alternates from knot to knot, "
+        "the eigenvalue −1 of the trapezoidal rule. All accelerations on the output side of the gears. "
+        "Played on the virtual robot without deviations by the stiff integrator, between the knots on the "
+        "quintic spline through the motor angles at the knots.",
         "The weight of the jerk is ν / (100 rad/s)²: at 16 Hz both inputs cost the same, and a row compares "
-        "two such plans.",
-    )))
+        "two such plans.")))
     return Report(f"Weight of the input on {robot.name}", verdict, tuple(sections), "plain")
 
 
@@ -90,8 +86,7 @@ def _table(path: str, kinds: Study) -> Table:
         (_power(case.nu), *map(_micrometres, (case.plan.tracking.position_rms, _rms(case.played.knots),
                                               _rms(case.played.between), summarise(case.played.between).max)),
          Quantity(case.widest, "Hz"), case.plan.solver.iterations)
-        for case in kinds["acceleration"]
-    )
+        for case in kinds["acceleration"])
     header = ("ν", "planned, RMS [µm]", "knots, RMS [µm]", "between, RMS [µm]", "between, largest [µm]",
               "bandwidth", "iterations")
     return Table(f"Weights on {path}, acceleration as the input", header, rows,
@@ -118,12 +113,10 @@ def _compared(case: Case) -> tuple[str | Quantity, ...]:
 
 
 def _trade_off(studies: dict[str, Study]):
-    lines = {
-        path: {f"{_INPUTS[kind]} as the input": (np.array([case.widest for case in cases]),
-                                                 np.array([_rms(case.played.between) for case in cases]))
-               for kind, cases in kinds.items()}
-        for path, kinds in studies.items()
-    }
+    lines = {path: {f"{_INPUTS[kind]} as the input": (np.array([case.widest for case in cases]),
+                                                      np.array([_rms(case.played.between) for case in cases]))
+                    for kind, cases in kinds.items()}
+             for path, kinds in studies.items()}
     return trade_off(lines, "RMS error between knots", "largest bandwidth", "Hz")
 
 
@@ -186,8 +179,7 @@ def _figures(robot: Robot, path: str, kinds: Study) -> list[Figure]:
                                                f"{smallest}.",
          partial(spectra_per_axis, _spectrum(robot, cases[0])[0],
                                   {f"{_INPUTS[kind]} as the input": _spectrum(robot, kinds[kind][0])[1]
-                                   for kind in _INPUTS})),
-    ]
+                                   for kind in _INPUTS}))]
     return [Figure(f"{name}_{path}", f"{path.capitalize()}: {heading}", draw, caption, heading)
             for name, heading, caption, draw in build]
 

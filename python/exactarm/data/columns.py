@@ -58,17 +58,15 @@ TILT = ("tilt_x", "tilt_y")
 ACCEL = ("accel_x", "accel_y", "accel_z")
 # covariates that are a load too
 PAYLOAD, PAYLOAD_CENTRE = "payload_kg", ("payload_x_m", "payload_y_m", "payload_z_m")
-SCALAR_UNITS = (
-    dict.fromkeys(POSITION, LENGTH)
-    | dict.fromkeys(QUATERNION, NO_UNIT)
-    | dict.fromkeys(ROTATION_VECTOR, ANGLE)
-    | dict.fromkeys(GYRO, ANGULAR_RATE)
-    | dict.fromkeys(TILT, ANGLE)
-    | dict.fromkeys(ACCEL, ACCELERATION)
-    | dict.fromkeys(PIXEL, PIXELS)
-    | {"time": TIME}
-    | dict.fromkeys(("session", "visit", "run", "set"), NO_UNIT)
-)
+SCALAR_UNITS = (dict.fromkeys(POSITION, LENGTH)
+                | dict.fromkeys(QUATERNION, NO_UNIT)
+                | dict.fromkeys(ROTATION_VECTOR, ANGLE)
+                | dict.fromkeys(GYRO, ANGULAR_RATE)
+                | dict.fromkeys(TILT, ANGLE)
+                | dict.fromkeys(ACCEL, ACCELERATION)
+                | dict.fromkeys(PIXEL, PIXELS)
+                | {"time": TIME}
+                | dict.fromkeys(("session", "visit", "run", "set"), NO_UNIT))
 
 # Beyond these no arm, drive or device measures anything, whatever its unit was meant to be (SI units).
 MOST = {
@@ -104,8 +102,7 @@ def may_be_empty(names: list[str]) -> set[str]:
     vectors = (*POSITION, *QUATERNION, *ROTATION_VECTOR, *TILT, *ACCEL, *PIXEL)
     return seen | partner | {
         name for name in names
-        if name in (*CONTACTS, *PICTURE) or _LENGTH.fullmatch(name) or scalars.get(name) in vectors
-    }
+        if name in (*CONTACTS, *PICTURE) or _LENGTH.fullmatch(name) or scalars.get(name) in vectors}
 
 
 @dataclass(frozen=True)

@@ -76,10 +76,8 @@ class Dataset(Rows):
         return split_rule(self, fraction)
 
 
-def read_dataset(
-    paths: str | Path | Sequence[str | Path], robot: Robot, kind: str | None = None,
-    fixture: Fixture = Fixture(), columns: Mapping[str, str] | None = None,
-) -> Dataset:
+def read_dataset(paths: str | Path | Sequence[str | Path], robot: Robot, kind: str | None = None,
+                 fixture: Fixture = Fixture(), columns: Mapping[str, str] | None = None) -> Dataset:
     """One data set from files measured on `robot`. `kind` overrides what the columns say. columns: the files'
     names -> ours, as {"J1": "q_1_deg"}. The order in which several are given means nothing: they are read in
     that of their names. Raises InputError."""
@@ -299,32 +297,21 @@ def _join(files: Sequence[_File], robot: Robot) -> Dataset:
     mark = lambda name: np.nan_to_num(stack((name, None)), nan=NO_CONTACT).astype(int)
     visit = _shared_numbers(files, "visit") if any(file.get("visit") is not None for file in files) else None
     data = Dataset(
-        kind="",
-        kinds=(),
-        axes=robot.axes,
-        joints=joints,
-        session=_shared_numbers(files, "session"),
+        kind="", kinds=(), axes=robot.axes, joints=joints, session=_shared_numbers(files, "session"),
         run=_distinct_runs(files),
         file_index=np.repeat(np.arange(len(files)), rows),
         row=np.concatenate([np.arange(1, count + 1) for count in rows]),
         time=_since_the_start(stack(("time", None))) if ("time", None) in first else None,
-        position=vector(POSITION),
-        rotation=_rotation(files, vector),
-        rotation_vector=vector(ROTATION_VECTOR),
-        gyro=vector(GYRO),
-        visit=visit,
+        position=vector(POSITION), rotation=_rotation(files, vector), rotation_vector=vector(ROTATION_VECTOR),
+        gyro=vector(GYRO), visit=visit,
         identification=stack(("set", None)) == "identification" if ("set", None) in first else None,
         contacts={name: mark(name) for name in CONTACTS if (name, None) in first},
         length=stack(("length", None)) if ("length", None) in first else None,
         covariates={key: stack(key) for key in first if isinstance(key, str)},
         flange=robot.controller.flange,
         sources=tuple(Source(file.path, file.table.sha256, file.table.rows) for file in files),
-        tilt=vector(TILT),
-        accel=vector(ACCEL),
-        pixel=vector(PIXEL),
-        partner=_side_by_side(partner),
-        **{name: mark(name) for name in PICTURE if (PIXEL[0], None) in first},
-    )
+        tilt=vector(TILT), accel=vector(ACCEL), pixel=vector(PIXEL), partner=_side_by_side(partner),
+        **{name: mark(name) for name in PICTURE if (PIXEL[0], None) in first})
     angles = {name: data.joints[name] for name in _of_controller(data, robot)}
     joints = {name: robot.controller.joints(values) for name, values in angles.items()}
     return with_sensors(replace(data, joints=data.joints | joints).with_way())

@@ -39,8 +39,7 @@ DELIMITERS = (";", "\t", ",", " ")  # in this order: a point of a semicolon file
 COMMENTS = ("//", "#", "%", "!")
 NAMES = {
     "name": {
-        "name", "point", "point name", "pointname", "target", "target name", "point id", "pointid", "id",
-    },
+        "name", "point", "point name", "pointname", "target", "target name", "point id", "pointid", "id"},
     "group": {"group", "group name", "point group", "pointgroup"},
     "collection": {"collection", "collection name"},
 }
@@ -89,10 +88,8 @@ class _Rows:
     dialect: Dialect
 
 
-def read_points(
-    path: str | Path, unit: str | None = None, layout: str | None = None,
-    columns: Mapping[str, str] | None = None,
-) -> Points:
+def read_points(path: str | Path, unit: str | None = None, layout: str | None = None,
+                columns: Mapping[str, str] | None = None) -> Points:
     """Points of one file. unit: of x, y, z where the header has none; layout: names of the columns, as
     "group,name,x,y,z" (`-`: not wanted); columns: the header's names -> ours."""
     rows = _rows(path, _text(path))
@@ -164,8 +161,7 @@ def _rows(path: str | Path, text: str) -> _Rows:
         commas = any("," in cell and _count([cell]) for _, cells in data for cell in cells)
         return _Rows(
             [cells for _, cells in data], [i for i, _ in data], before[-1][1] if headed else None,
-            [i for i, _ in (before[:-1] if headed else before)], Dialect(delimiter, "," if commas else "."),
-        )
+            [i for i, _ in (before[:-1] if headed else before)], Dialect(delimiter, "," if commas else "."))
     if tried:
         _, why, line = max(tried)
         raise InputError(why, file=path, line=line)
@@ -270,8 +266,7 @@ def _by_content(path: str | Path, rows: _Rows) -> list[str]:
         raise InputError(
             f"{width} columns, {width - len(texts)} of them numbers, and no header that names them: a number "
             "may be a name, a coordinate or something else; expected --layout, as group,name,x,y,z",
-            file=path, line=rows.lines[0],
-        )
+            file=path, line=rows.lines[0])
     return [*(TEXT_COLUMNS[len(texts) - 1] if texts else ()), *POSITION]
 
 

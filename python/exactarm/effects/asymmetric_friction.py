@@ -18,10 +18,8 @@ class AsymmetricFriction(DriveEffect):
 
     name = "asymmetric_friction"
     plain = "friction that depends on the direction"
-    sentence = (
-        "friction of axis {joint} is larger in the positive direction than in the negative one by "
-        "twice {coulomb_Nm:.3g} Nm and {viscous_Nm_s:.3g} Nm s"
-    )
+    sentence = ("friction of axis {joint} is larger in the positive direction than in the negative one by "
+                "twice {coulomb_Nm:.3g} Nm and {viscous_Nm_s:.3g} Nm s")
     source = "Armstrong-Helouvry, Dupont and Canudas de Wit 1994"
 
     def parameters(self) -> tuple[Parameter, ...]:

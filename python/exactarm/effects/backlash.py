@@ -68,10 +68,8 @@ class Backlash(Effect):
         friction = max(self.values[1], _LEAST_FRICTION_NM)
         transition = _TRANSITION_SHARE * friction
         modelled, direction = view.torque[:, self.index], view.direction[:, self.index]
-        carried = (
-            view.signals["carried"][:, self.index] if "carried" in view.signals
-            else np.full_like(modelled, np.nan)
-        )
+        carried = (view.signals["carried"][:, self.index] if "carried" in view.signals
+                   else np.full_like(modelled, np.nan))
         measured = ~np.isnan(carried)
         load = np.where(measured, carried, modelled)
         load = load + (self.values[2] if len(self.values) > 2 else 0.0)

@@ -30,8 +30,7 @@ class BaseCompliance(Effect):
     per_joint = False
     sentence = (
         "the foundation tilts, or axis 1 bends across itself (the two look alike), by {rad_per_Nm:.3g} rad "
-        "for every Nm of overturning moment"
-    )
+        "for every Nm of overturning moment")
     source = "Abele, Weigold and Rothenbuecher 2007"
 
     def parameters(self) -> tuple[Parameter, ...]:

@@ -84,10 +84,8 @@ class Expression(Effect):
     def label(self) -> str:
         if len(self.form) <= _LONGEST_LABEL:
             return f"{self.name}_{self.joint}: {self.form}"
-        return (
-            f"{self.name}_{self.joint}: series in {', '.join(self.of)} "
-            f"({hashlib.sha256(self.form.encode()).hexdigest()[:6]})"
-        )
+        return (f"{self.name}_{self.joint}: series in {', '.join(self.of)} "
+                f"({hashlib.sha256(self.form.encode()).hexdigest()[:6]})")
 
     @property
     def in_plain_words(self) -> str:
@@ -170,10 +168,8 @@ def signal_of(view, signal: str) -> np.ndarray:
     """(N,) a signal by the name that it has in formulas."""
     match = _OF_AXIS.match(signal)
     if match is None:
-        return (
-            slow_signal(view.data, TIME)
-            if signal == "time_h" else np.asarray(view.data.covariates[signal], float)
-        )
+        return (slow_signal(view.data, TIME)
+                if signal == "time_h" else np.asarray(view.data.covariates[signal], float))
     kind, index = match[1], int(match[2]) - 1
     if kind == "q":
         return view.phi[:, index] + view.robot.offsets[index]

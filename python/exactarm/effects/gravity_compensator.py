@@ -31,17 +31,14 @@ class GravityCompensator(Effect):
     sentence = (
         "a spring takes load off axis {joint}: {stiffness_Nm_per_rad:.3g} Nm/rad, preload {preload_Nm:.3g} "
         "Nm, "
-        "crank {cosine_Nm:.3g} and {sine_Nm:.3g} Nm"
-    )
+        "crank {cosine_Nm:.3g} and {sine_Nm:.3g} Nm")
     source = "Klimchik, Wu, Dumas, Caro, Furet and Pashkevich 2013"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter("stiffness_Nm_per_rad", 200.0, fixed=self.crank),
-            Parameter("preload_Nm", 100.0, fixed=self.crank),
-            Parameter("cosine_Nm", 200.0, fixed=not self.crank),
-            Parameter("sine_Nm", 200.0, fixed=not self.crank),
-        )
+        return (Parameter("stiffness_Nm_per_rad", 200.0, fixed=self.crank),
+                Parameter("preload_Nm", 100.0, fixed=self.crank),
+                Parameter("cosine_Nm", 200.0, fixed=not self.crank),
+                Parameter("sine_Nm", 200.0, fixed=not self.crank))
 
     def change(self, view) -> Change:
         stiffness, _, cosine, sine = self.values

@@ -38,18 +38,14 @@ class GyroGSensitivity(Effect):
     source = "IEEE Std 1431: g-sensitive drift"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        return tuple(
-            Parameter(f"{'xyz'[row]}{'xyz'[column]}_rad_s_per_g", 2e-3, -1.0, 1.0,
-                      fixed=row not in self.rows or column not in self.columns)
-            for row, column in _ENTRIES
-        )
+        return tuple(Parameter(f"{'xyz'[row]}{'xyz'[column]}_rad_s_per_g", 2e-3, -1.0, 1.0,
+                               fixed=row not in self.rows or column not in self.columns)
+                     for row, column in _ENTRIES)
 
     def caveat(self, covariance: np.ndarray) -> str:
         held = [f"{'xyz'[column]}" for column in range(3) if column not in self.columns]
-        return (
-            f"the runs do not show forces along the sensor's {' and '.join(held)}: held at zero"
-            if held else ""
-        )
+        return (f"the runs do not show forces along the sensor's {' and '.join(held)}: held at zero"
+                if held else "")
 
     def change(self, view) -> Change:
         force = view.signals["specific_force"]

@@ -50,10 +50,8 @@ class JointCompliance(Effect):
     source = "thesis 1.1.2, (2.18), E4; Caenen and Angue 1990"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter("linear_rad_per_Nm", _PLAUSIBLE, -np.inf if self.beside_spring else 0.0),
-            Parameter("cubic_rad_per_Nm3", 1e-12, fixed=not self.cubic_free),
-        )
+        return (Parameter("linear_rad_per_Nm", _PLAUSIBLE, -np.inf if self.beside_spring else 0.0),
+                Parameter("cubic_rad_per_Nm3", 1e-12, fixed=not self.cubic_free))
 
     def possible(self, robot) -> bool:
         stiffness = robot.joints[self.index].spring_linear
@@ -110,8 +108,7 @@ class RelativeCompliance(JointCompliance):
             Parameter("linear_rad_per_Nm", _PLAUSIBLE, -np.inf if self.beside_spring else 0.0),
             Parameter("tip_rad_per_Nm", _PLAUSIBLE, fixed=not self.tip_free),
             Parameter("own_rad_per_Nm", _PLAUSIBLE, fixed=not self.own_free),
-            *(Parameter(name, DISTRIBUTION * _PLAUSIBLE, prior=spread) for name in _moment_names(self.links)),
-        )
+            *(Parameter(name, DISTRIBUTION * _PLAUSIBLE, prior=spread) for name in _moment_names(self.links)))
 
     def describe(self) -> str:
         return super().describe() + ("" if self.own_free else ", as a generic distribution of masses has it")

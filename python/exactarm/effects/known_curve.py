@@ -38,10 +38,8 @@ class KnownCurve:
     prior: float
 
     @staticmethod
-    def of(
-        basis: Callable[[np.ndarray], np.ndarray], covariance: np.ndarray,
-        prior: float, measured: np.ndarray,
-    ) -> KnownCurve:
+    def of(basis: Callable[[np.ndarray], np.ndarray], covariance: np.ndarray,
+           prior: float, measured: np.ndarray) -> KnownCurve:
         """basis: angles (N,) -> (N, k) of coefficients with covariance (k, k); measured (N,)
         angles, rad."""
         seen = basis(measured)

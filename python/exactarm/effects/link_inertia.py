@@ -54,8 +54,7 @@ class LinkInertia(Effect):
         pi[list(self.columns)] = self.values
         touched = {c // 10 for c in self.columns}
         links = tuple(
-            _link(pi[10 * i : 10 * i + 10]) if i in touched else link for i, link in enumerate(robot.links)
-        )
+            _link(pi[10 * i : 10 * i + 10]) if i in touched else link for i, link in enumerate(robot.links))
         return replace(robot, links=links)
 
     def change(self, view) -> Change:

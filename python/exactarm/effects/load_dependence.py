@@ -77,10 +77,8 @@ class LoadDependence(HarmonicFamily):
 
     def _sign(self, view) -> np.ndarray:
         """(N,) shape of the drive's friction in the load; 0 where the load is the arm's own."""
-        return (
-            view.signals["friction_sign"][:, self.index] if "friction_sign" in view.signals
-            else np.zeros(view.rows)
-        )
+        return (view.signals["friction_sign"][:, self.index] if "friction_sign" in view.signals
+                else np.zeros(view.rows))
 
     @classmethod
     def from_table(cls, table) -> Effect:
@@ -97,10 +95,8 @@ class LoadDependence(HarmonicFamily):
             if np.std(view.torque[:, index]) < _LEAST_SPREAD_NM:
                 continue
             # A measured torque always has the friction of the drive in it.
-            rubs = (
-                "friction_sign" in view.signals
-                and np.ptp(view.signals["friction_sign"][:, index]) > _LEAST_SPREAD_SIGN
-            )
+            rubs = ("friction_sign" in view.signals
+                    and np.ptp(view.signals["friction_sign"][:, index]) > _LEAST_SPREAD_SIGN)
             spring = bool(robot.joints[index].spring_linear)
             yield cls(index + 1, (0.0, 0.0) if rubs else (0.0,), beside_spring=spring)
             if robot.joints[index].has_harmonics:

@@ -29,12 +29,9 @@ class LoadFriction(DriveEffect):
         torque = view.torque[:, self.index]
         sign = self.sign(view)
         coefficient = self.values[0]
-        return self.torque_change(
-            view,
-            [np.abs(torque) * sign],
-            **self.slopes(view, by_sign=coefficient * np.abs(torque)),
-            torque=coefficient * np.sign(torque) * sign,
-        )
+        return self.torque_change(view, [np.abs(torque) * sign],
+                                  **self.slopes(view, by_sign=coefficient * np.abs(torque)),
+                                  torque=coefficient * np.sign(torque) * sign)
 
     @classmethod
     def candidates(cls, robot, view):

@@ -24,7 +24,5 @@ def likely_source(order: float, ratio: float | None) -> str:
         return "output: run-out of bearing or encoder disc"
     if abs(order - 2.0) < 0.1:
         return "output: ovality, tilt of the encoder disc"
-    return (
-        "output side: bearing or encoder disc" if order < _OUTPUT_ORDERS
-        else "gear: teeth or rolling elements"
-    )
+    return ("output side: bearing or encoder disc" if order < _OUTPUT_ORDERS
+            else "gear: teeth or rolling elements")

@@ -91,10 +91,8 @@ def _gap(norm: np.ndarray, limit: float) -> float:
     above = np.sort(np.append(norm[norm > limit], limit))
     ratio = above[1:] / above[:-1]
     widest = int(np.argmax(ratio)) if len(ratio) else -1
-    return (
-        float(np.sqrt(above[widest] * above[widest + 1])) if widest >= 0 and ratio[widest] > _CLEAR_GAP
-        else np.inf
-    )
+    return (float(np.sqrt(above[widest] * above[widest + 1])) if widest >= 0 and ratio[widest] > _CLEAR_GAP
+            else np.inf)
 
 
 def _scattered(residual: np.ndarray, wrong: np.ndarray, beside: np.ndarray) -> bool:

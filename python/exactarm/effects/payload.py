@@ -53,8 +53,7 @@ class Payload(Effect):
         x, y, z = 1e3 * self.centre_of_mass
         return (
             f"the flange carries {self.values[0]:.3g} kg more than declared, centred at ({x:.0f}, {y:.0f}, "
-            f"{z:.0f}) mm of the last DH frame"
-        )
+            f"{z:.0f}) mm of the last DH frame")
 
     def derived(self, covariance):
         """Centre of mass s / m, by the delta method: d(s / m) = (ds - c dm) / m."""

@@ -21,10 +21,8 @@ class ShearThinningFriction(DriveEffect):
     name = "shear_thinning_friction"
     plain = "friction of a lubricant that thins with speed"
     in_axis_units = False  # of a root of a rate
-    sentence = (
-        "friction of axis {joint} bends over with the rate as grease does: "
-        "{coefficient_Nm_sqrt_s:.3g} Nm times the square root of the rate in rad/s"
-    )
+    sentence = ("friction of axis {joint} bends over with the rate as grease does: "
+                "{coefficient_Nm_sqrt_s:.3g} Nm times the square root of the rate in rad/s")
     source = "Reiner 1926; Simoni, Beschi, Legnani and Visioli 2015"
 
     def parameters(self) -> tuple[Parameter, ...]:

@@ -21,11 +21,8 @@ _QUICKER = 10.0**0.5  # from one time constant to the next
 
 def temperatures(data) -> list[str]:
     """Names of the covariates that are temperatures and vary."""
-    return [
-        name
-        for name, values in data.covariates.items()
-        if (name.endswith("_degC") or "temp" in name.lower()) and np.ptp(values) > 0.0
-    ]
+    return [name for name, values in data.covariates.items()
+            if (name.endswith("_degC") or "temp" in name.lower()) and np.ptp(values) > 0.0]
 
 
 def drivers(data) -> list[str]:

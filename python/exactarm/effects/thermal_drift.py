@@ -89,8 +89,7 @@ class ThermalGrowth(ThermalDrift):
 
     def describe(self) -> str:
         return (
-            f"the arm grows by {self.values[0]:.3g} of its length per {self.unit} (it follows {self.driver})"
-        )
+            f"the arm grows by {self.values[0]:.3g} of its length per {self.unit} (it follows {self.driver})")
 
     def change(self, view) -> Change:
         x = slow_signal(view.data, self.driver)[:, None]
@@ -156,8 +155,7 @@ class ThermalZeroDrift(ThermalDrift):
     def describe(self) -> str:
         return (
             f"the zero of axis {self.joint} drifts by {self.values[0]:.3g} rad per {self.unit} (it follows "
-            f"{self.driver})"
-        )
+            f"{self.driver})")
 
     def change(self, view) -> Change:
         x = slow_signal(view.data, self.driver)[:, None]
@@ -185,10 +183,8 @@ class ThermalSensorDrift(ThermalDrift):
 
     @classmethod
     def of(cls, robot, view) -> Iterable[Effect]:
-        return (
-            (cls(None, (0.0,) * 3, driver) for driver in drivers(view.data)) if view.data.gyro is not None
-            else ()
-        )
+        return ((cls(None, (0.0,) * 3, driver) for driver in drivers(view.data)) if view.data.gyro is not None
+                else ())
 
 
 class _FrictionFalls:

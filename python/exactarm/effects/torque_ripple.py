@@ -27,10 +27,8 @@ class TorqueRipple(DriveEffect):
     name = "torque_ripple"
     plain = "torque ripple of the motor"
     search: tuple[float, ...] = ORDERS
-    sentence = (
-        "the torque of axis {joint} ripples {order:.4g} times per motor revolution "
-        "({cosine_Nm:.3g} Nm cosine, {sine_Nm:.3g} Nm sine)"
-    )
+    sentence = ("the torque of axis {joint} ripples {order:.4g} times per motor revolution "
+                "({cosine_Nm:.3g} Nm cosine, {sine_Nm:.3g} Nm sine)")
     source = "Holtz and Springob 1996"
 
     @property
@@ -38,11 +36,8 @@ class TorqueRipple(DriveEffect):
         return f"{self.name}_{self.joint}_order_{self.values[0]:.4g}"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter("order", 6.0, 1e-3, 200.0, search=self.search),
-            Parameter("cosine_Nm", 2.0),
-            Parameter("sine_Nm", 2.0),
-        )
+        return (Parameter("order", 6.0, 1e-3, 200.0, search=self.search),
+                Parameter("cosine_Nm", 2.0), Parameter("sine_Nm", 2.0))
 
     def change(self, view) -> Change:
         order, cosine, sine = self.values

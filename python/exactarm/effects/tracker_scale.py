@@ -26,8 +26,7 @@ class TrackerScale(Effect):
     kinds = WITH_TARGET
     per_joint = False
     sentence = (
-        "the measuring device stretches its axes by {x_scale:.3g}, {y_scale:.3g} and {z_scale:.3g} (x, y, z)"
-    )
+        "the measuring device stretches its axes by {x_scale:.3g}, {y_scale:.3g} and {z_scale:.3g} (x, y, z)")
     source = "ASME B89.4.19 (ranging and angular errors of laser trackers)"
 
     def parameters(self) -> tuple[Parameter, ...]:

@@ -47,11 +47,8 @@ class Table:
     rows: int
 
 
-def read_table(
-    path: str | Path,
-    text: Collection[str] = (),
-    may_be_empty: Callable[[list[str]], Collection[str]] = lambda names: (),
-) -> Table:
+def read_table(path: str | Path, text: Collection[str] = (),
+               may_be_empty: Callable[[list[str]], Collection[str]] = lambda names: ()) -> Table:
     """All columns of a CSV or Parquet file; those named in `text` as strings (N,) object.
 
     may_be_empty(names of all columns): those in which an empty cell is no fault but NaN.
@@ -61,10 +58,8 @@ def read_table(
     if arrow.num_rows == 0:
         raise InputError("no data rows below the header; expected at least one", file=path)
     gaps = may_be_empty(arrow.column_names)
-    columns = {
-        name: _numpy(path, name, arrow.column(i), name in text, name in gaps)
-        for i, name in enumerate(arrow.column_names)
-    }
+    columns = {name: _numpy(path, name, arrow.column(i), name in text, name in gaps)
+               for i, name in enumerate(arrow.column_names)}
     return Table(columns, hashlib.sha256(content).hexdigest(), arrow.num_rows)
 
 
@@ -199,11 +194,9 @@ def _csv_cell_by_cell(
     except pa.ArrowInvalid:
         _refuse_ragged(path, body, names, dialect)
         raise InputError(f"is no CSV file: {str(error).splitlines()[0]}", file=path) from None
-    return pa.table({
-        name: strings.column(name) if name in text
-        else _numbers(path, name, strings.column(name), name in gaps, dialect)
-        for name in names
-    })
+    return pa.table({name: strings.column(name) if name in text
+                     else _numbers(path, name, strings.column(name), name in gaps, dialect)
+                     for name in names})
 
 
 def _numbers(
@@ -213,10 +206,8 @@ def _numbers(
     if dialect.decimal == ".":
         with suppress(pa.ArrowInvalid):
             return cells.cast(pa.float64())
-    return [
-        np.nan if may_be_empty and not cell.strip() else _number(path, name, row, dialect.plain(cell))
-        for row, cell in enumerate(cells.to_pylist(), start=1)
-    ]
+    return [np.nan if may_be_empty and not cell.strip() else _number(path, name, row, dialect.plain(cell))
+            for row, cell in enumerate(cells.to_pylist(), start=1)]
 
 
 def _refuse_ragged(path: str | Path, body: pa.Buffer, names: list[str], dialect: Dialect) -> None:
@@ -283,10 +274,8 @@ def _parquet(path: str | Path, content: bytes, text: Collection[str]) -> pa.Tabl
         kind = table.schema.field(index).type
         value = kind.value_type if pa.types.is_dictionary(kind) else kind
         wanted = pa.string() if name in text else pa.float64()
-        fits = (
-            pa.types.is_string(value) or pa.types.is_large_string(value)
-            if name in text else _is_numeric(value)
-        )
+        fits = (pa.types.is_string(value) or pa.types.is_large_string(value)
+                if name in text else _is_numeric(value))
         if not fits:
             expected = "text" if name in text else "numbers"
             raise InputError(f"type {kind}; expected {expected}", file=path, column=name)

@@ -37,8 +37,7 @@ def read_toml(path: str | Path, expected: str) -> dict[str, Any]:
         raise InputError(f"is nested too deeply; expected {expected}", file=path) from None
     except ValueError:  # Python refuses to read whole numbers of thousands of digits, and dates that are none
         raise InputError(
-            f"holds a number or date that cannot be read; expected {expected}", file=path
-        ) from None
+            f"holds a number or date that cannot be read; expected {expected}", file=path) from None
     _check(tables, path, expected)
     return tables
 
@@ -71,6 +70,4 @@ def _check(tables: dict[str, Any], path: str | Path, expected: str) -> None:
         elif isinstance(value, int) and abs(value) > LARGEST_WHOLE:
             raise InputError(
                 f"holds a whole number of {len(hex(abs(value))) - 2} hexadecimal digits; expected one of 64 "
-                "bits",
-                file=path,
-            )
+                "bits", file=path)

@@ -22,12 +22,7 @@ from exactarm.first_aid.odd_rows import odd_rows
 from exactarm.first_aid.odd_runs import odd_runs
 from exactarm.first_aid.pose_mistakes import pose_mistakes
 from exactarm.first_aid.ratio_mistakes import ratio_mistakes
-from exactarm.first_aid.signal_mistakes import (
-    cell_mistakes,
-    column_mistakes,
-    limit_mistakes,
-    repeated_rows,
-)
+from exactarm.first_aid.signal_mistakes import cell_mistakes, column_mistakes, limit_mistakes, repeated_rows
 from exactarm.first_aid.suspicion import Suspicion, in_order
 from exactarm.first_aid.touch_mistakes import touch_mistakes
 from exactarm.first_aid.tracked_mistakes import tracked_mistakes

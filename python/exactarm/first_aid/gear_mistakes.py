@@ -61,9 +61,7 @@ def _of_encoders(robot: Robot, data: Dataset) -> list[Suspicion]:
             Suspicion(
                 f"{where}axis {i + 1}: theta_{i + 1} goes {slope:.4g} times as far as q_{i + 1}, the file's "
                 f"gear ratio is {robot.ratios[i]:.4g}: {_meant(share, slope * robot.ratios[i], int(i) + 1)}",
-                sentence=True,
-            )
-        )
+                sentence=True))
     return found or _of_clocks(robot, data, both)
 
 
@@ -139,8 +137,7 @@ def _other_link(
             return f"theta_{axis + 1} follows q_{j + 1}, not q_{axis + 1}: are two axes exchanged?"
     return (
         f"theta_{axis + 1} and q_{axis + 1} do not follow each other: are columns exchanged, or files of two "
-        "motions mixed?"
-    )
+        "motions mixed?")
 
 
 def _meant(share: float, product: float, axis: int) -> str:
@@ -149,10 +146,8 @@ def _meant(share: float, product: float, axis: int) -> str:
         return "does one of the two have the opposite sign?"
     if near(abs(product), 1.0):
         return f"are the columns theta_{axis} and q_{axis} exchanged?"
-    for factor, words in (
-        (1.0 / _DEGREE, "is theta in degrees, or q in radians labelled as degrees?"),
-        (_DEGREE, "is q in degrees, or theta in radians labelled as degrees?"),
-    ):
+    for factor, words in ((1.0 / _DEGREE, "is theta in degrees, or q in radians labelled as degrees?"),
+                          (_DEGREE, "is q in degrees, or theta in radians labelled as degrees?")):
         if near(abs(share), factor):
             return words
     return "is the ratio in the robot file that of this arm?"
@@ -206,8 +201,7 @@ def _somewhat_off(robot: Robot, shares: dict[int, float]) -> list[Suspicion]:
 def _smooth(values: np.ndarray) -> np.ndarray:
     width = max(1, min(25, len(values) // 20))
     return np.convolve(np.pad(values, width // 2, mode="edge"), np.ones(width) / width, mode="same")[
-        width // 2 : width // 2 + len(values)
-    ]
+        width // 2 : width // 2 + len(values)]
 
 
 def _reading(slope: float) -> str:
@@ -215,8 +209,7 @@ def _reading(slope: float) -> str:
     if near(1.0 / _DEGREE):
         return (
             "is it in deg/s labelled as rad/s, or the motor angle in degrees labelled as radians the other "
-            "way round?"
-        )
+            "way round?")
     if near(_DEGREE):
         return "is it in rad/s labelled as deg/s, or the motor angle in degrees labelled as radians?"
     if near(1e3) or near(1e-3):

@@ -47,11 +47,8 @@ def load_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
         given = ~np.isnan(data.joints["current"]).all(axis=0)
         without = np.flatnonzero(given & np.array([joint.torque_constant is None for joint in robot.joints]))
         if without.size:
-            yield Suspicion(
-                f"currents of {axes_in_words(without)} are no load: the robot file declares no "
-                "torque_constant_Nm_A there",
-                sentence=True,
-            )
+            yield Suspicion(f"currents of {axes_in_words(without)} are no load: the robot file declares no "
+                            "torque_constant_Nm_A there", sentence=True)
     guessed = with_generic_masses(robot)
     load = RestLoad.of(guessed, data)
     if guessed.links is None or not load.fixed.any():
@@ -69,11 +66,8 @@ def load_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
     if together < AGAINST:
         yield Suspicion(
             f"the torques measured at rest run against gravity (correlation {together:.2f}): is their sign "
-            "that of the load? They are used as they stand", sentence=True,
-        )
+            "that of the load? They are used as they stand", sentence=True)
     if not 1.0 / most < size < most:
         unit = "is it Nm, on the output side of the gear?"
-        yield Suspicion(
-            f"the torques measured at rest vary {size:.2g} times as much as gravity does: {unit} "
-            "They are used as they stand", sentence=True,
-        )
+        yield Suspicion(f"the torques measured at rest vary {size:.2g} times as much as gravity does: {unit} "
+                        "They are used as they stand", sentence=True)

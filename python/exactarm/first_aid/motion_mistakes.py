@@ -117,17 +117,13 @@ def candidates(samples: MotionSamples) -> Iterator[Candidate]:
         for sign in (1.0, -1.0):
             along = sign * np.linalg.norm(up) * motion.robot.controller.base.rotation[k]
             if np.linalg.norm(np.cross(along, up)) > 0.5 * np.linalg.norm(up) ** 2:
-                yield (
-                    f"gravity along {'+' if sign > 0 else '-'}{name} of the base (the arm's mounting)",
-                    replace(samples, motion=motion.under(along)),
-                )
+                yield (f"gravity along {'+' if sign > 0 else '-'}{name} of the base (the arm's mounting)",
+                       replace(samples, motion=motion.under(along)))
     for i in range(n):
         other = np.where(np.arange(n) == i, -1.0, 1.0)
         turned = samples.with_angles(lambda values, other=other: values * other)
-        yield (
-            f"the opposite sign of axis {i + 1} (angle and torque)",
-            turned.with_torques(lambda values, other=other: values * other),
-        )
+        yield (f"the opposite sign of axis {i + 1} (angle and torque)",
+               turned.with_torques(lambda values, other=other: values * other))
         for angle in (90.0, -90.0, 180.0):
             zero = np.where(np.arange(n) == i, angle * _DEGREE, 0.0)
             words = f"another zero of axis {i + 1} (by {angle:+.0f} degrees)"
@@ -144,16 +140,13 @@ def _driving_friction(now: Explained) -> Iterator[Suspicion]:
     if braking.size == 0 and driving.size > 1:
         yield Suspicion(
             "the friction of all axes would drive the arm: do the torques have the opposite sign?",
-            sentence=True,
-        )
+            sentence=True)
         return
     verb = "drives" if driving.size == 1 else "drive"
     sign = "its torque or its angle" if driving.size == 1 else "their torques or their angles"
     yield Suspicion(
         f"the friction of {axes_in_words(driving)} {verb} instead of braking: does {sign} have the opposite "
-        "sign?",
-        sentence=True,
-    )
+        "sign?", sentence=True)
 
 
 def clocks(model: Model, samples: MotionSamples, now: Explained, step: float) -> Iterator[Rival]:
@@ -240,13 +233,10 @@ def _units(robot: Robot, samples: MotionSamples) -> Iterator[Suspicion]:
             yield Suspicion(
                 f"the torques are {share:.2g} times those of the declared masses: are they in another unit "
                 "(mNm, N cm), at the motor's shaft, or is it the file of another arm?",
-                sentence=True,
-            )
+                sentence=True)
         return
     size = reach(robot)
     if size > 0.0 and not _LEAST_LOAD_NM_M3 < torque / size**3 < _MOST_LOAD_NM_M3:
         yield Suspicion(
             f"torques of {torque:.3g} Nm at an arm that reaches {size:.2g} m: are they in another unit (mNm, "
-            "N cm), or at the motor's shaft?",
-            sentence=True,
-        )
+            "N cm), or at the motor's shaft?", sentence=True)

@@ -84,26 +84,18 @@ def of_angles(robot: Robot, data: Dataset) -> Iterator[tuple[str, Dataset]]:
         yield "all axes one column further on", with_joints(_order(list(np.roll(np.arange(n), shift))))
     for i in turning:
         for angle in (90.0, -90.0, 180.0):
-            yield (
-                f"another zero of axis {i + 1} (by {angle:+.0f} degrees)",
-                with_joints(turned(i, angle * _DEGREE, robot)),
-            )
+            yield (f"another zero of axis {i + 1} (by {angle:+.0f} degrees)",
+                   with_joints(turned(i, angle * _DEGREE, robot)))
     for i, j in [(i, i + 1) for i in range(n - 1)] + [(i + 1, i) for i in range(n - 1)]:
         for sign in (1.0, -1.0):
-            words = (
-                f"axis {j + 1} counted {'from' if sign > 0 else 'with'} axis {i + 1}, as controllers of "
-                f"coupled arms do ({_told_by(robot, i, j, sign)})"
-            )
+            words = (f"axis {j + 1} counted {'from' if sign > 0 else 'with'} axis {i + 1}, as controllers of "
+                     f"coupled arms do ({_told_by(robot, i, j, sign)})")
             yield words, with_joints(_coupled(i, j, sign, robot))
     if any(joint.has_gear for joint in robot.joints):
-        yield (
-            "motor angles labelled as q_i",
-            with_angles(data, scaled(list(axes), 1.0 / robot.ratios), ("q",)),
-        )
-        yield (
-            "joint angles labelled as theta_i",
-            with_angles(data, scaled(list(axes), robot.ratios), ("theta",)),
-        )
+        yield ("motor angles labelled as q_i",
+               with_angles(data, scaled(list(axes), 1.0 / robot.ratios), ("q",)))
+        yield ("joint angles labelled as theta_i",
+               with_angles(data, scaled(list(axes), robot.ratios), ("theta",)))
 
 
 def with_angles(
@@ -158,10 +150,8 @@ def _of_units(data: Dataset) -> Iterator[tuple[str, Dataset]]:
     yield "millimetres labelled as metres", position(1e-3)
     yield "metres labelled as millimetres", position(1e3)
     for k, name in enumerate(_ALL_COLUMNS):
-        for factor, words in (
-            (1e-3, "millimetres labelled as metres"),
-            (1e3, "metres labelled as millimetres"),
-        ):
+        for factor, words in ((1e-3, "millimetres labelled as metres"),
+                              (1e3, "metres labelled as millimetres")):
             yield f"{words} in {name}", position(np.where(np.arange(3) == k, factor, 1.0))
 
 
@@ -182,12 +172,9 @@ def _of_device(data: Dataset) -> Iterator[tuple[str, Dataset]]:
         yield "a rotation vector in degrees labelled as radians", replace(data, rotation=meant)
 
 
-_TURNS = (
-    ("roll, pitch and yaw (to be named so)", "xyz"),
-    ("yaw, pitch and roll (to be named so)", "ZYX"),
-    ("turns about moving x, y and z", "XYZ"),
-    ("turns about moving z, y and z", "ZYZ"),
-)
+_TURNS = (("roll, pitch and yaw (to be named so)", "xyz"),
+          ("yaw, pitch and roll (to be named so)", "ZYX"),
+          ("turns about moving x, y and z", "XYZ"), ("turns about moving z, y and z", "ZYZ"))
 _CONVENTIONS = (
     ("a conjugate quaternion (of the device in the target)", [0, 1, 2, 3], [1.0, -1.0, -1.0, -1.0]),
     ("a quaternion in the order x, y, z, w", [3, 0, 1, 2], [1.0, 1.0, 1.0, 1.0]),
@@ -197,8 +184,7 @@ _CONVENTIONS = (
     ("qx and qz exchanged", [0, 3, 2, 1], [1.0, 1.0, 1.0, 1.0]),
     ("the opposite sign of qx", [0, 1, 2, 3], [1.0, -1.0, 1.0, 1.0]),
     ("the opposite sign of qy", [0, 1, 2, 3], [1.0, 1.0, -1.0, 1.0]),
-    ("the opposite sign of qz", [0, 1, 2, 3], [1.0, 1.0, 1.0, -1.0]),
-)
+    ("the opposite sign of qz", [0, 1, 2, 3], [1.0, 1.0, 1.0, -1.0]))
 
 
 def _rotations(quaternions: np.ndarray) -> np.ndarray:
@@ -211,12 +197,10 @@ def _of_rows(data: Dataset, whole: Dataset, rows: np.ndarray) -> Iterator[tuple[
         order = np.clip(rows + shift, 0, len(whole) - 1)
         return np.where(whole.session[order] == whole.session[rows], order, rows)
 
-    for shift, words in (
-        (1, "positions one row later than the angles"),
-        (-1, "positions one row earlier than the angles"),
-        (2, "positions two rows later than the angles"),
-        (-2, "positions two rows earlier than the angles"),
-    ):
+    for shift, words in ((1, "positions one row later than the angles"),
+                         (-1, "positions one row earlier than the angles"),
+                         (2, "positions two rows later than the angles"),
+                         (-2, "positions two rows earlier than the angles")):
         order = rows_beside(shift)
         rotation = None if whole.rotation is None else whole.rotation[order]
         yield words, replace(data, position=whole.position[order], rotation=rotation)

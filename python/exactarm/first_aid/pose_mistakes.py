@@ -99,10 +99,7 @@ def pose_mistakes(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -
                 f"the measured orientations do not follow the arm ({now.orientation:.2g} rad RMS beside "
                 f"{1e3 * now.position:.2g} mm): "
                 "are they angles of another convention, a quaternion in another order, or rows shuffled?",
-                np.inf,
-                sentence=True,
-            )
-        )
+                np.inf, sentence=True))
     return in_order(found)
 
 
@@ -223,12 +220,8 @@ def _scales_of_axes(bare: Robot, carried: Layout, data: Dataset, now: Misfit) ->
     around = np.sort([1.0, *_SCALES])
     place = int(np.searchsorted(around, factor))
     ends = around[max(place - 1, 0)], around[min(place + 1, len(around) - 1)]
-    best = minimize_scalar(
-        lambda value: -falls([(axis, value)])[0],
-        bounds=ends,
-        method="bounded",
-        options={"maxiter": 40, "xatol": 1e-5},
-    )
+    best = minimize_scalar(lambda value: -falls([(axis, value)])[0],
+                           bounds=ends, method="bounded", options={"maxiter": 40, "xatol": 1e-5})
     if -best.fun >= FALL:
         words = f"axis {axis + 1} turning {best.x:.4g} times as far as the data say (its gear ratio?)"
         yield Suspicion(words, -float(best.fun))
@@ -268,8 +261,7 @@ def _changes_midway(bare: Robot, carried: Layout, data: Dataset, now: Misfit) ->
             at = best[1]
             yield Suspicion(
                 f"another tool, target or device frame from about {data.place_of(at)} on (two sessions)",
-                best[0],
-            )
+                best[0])
 
 
 def _gross_rows(bare: Robot, carried: Layout, data: Dataset) -> Iterator[Suspicion]:

@@ -30,11 +30,8 @@ class Suspicion:
         """As a warning says it."""
         if self.sentence:
             return self.words
-        times = (
-            f"{float(f'{self.fall:.2g}'):,.10g} times better"
-            if self.fall < _WITHOUT_A_REST
-            else "without a rest"
-        )
+        times = (f"{float(f'{self.fall:.2g}'):,.10g} times better" if self.fall < _WITHOUT_A_REST
+                 else "without a rest")
         return f"with {self.words} the data would fit the robot {times}: check files, columns and units"
 
 

@@ -86,8 +86,7 @@ def reestimated_layout(robot: Robot, data: Dataset) -> Layout:
     layout = carried_layout(robot, data)
     free = tuple(
         np.array([not (p.fixed or p.search) and _was_estimated(robot, e, p) for p in e.parameters()], bool)
-        for e in layout.effects
-    )
+        for e in layout.effects)
     return Layout(layout.effects, free)
 
 
@@ -113,8 +112,6 @@ def geometry_layout(robot: Robot) -> Layout:
     axes = range(robot.axes)
     geometry = tuple(Geometry.of(robot, i) for i in axes)
     offsets = tuple(JointOffset.of(robot, i) for i in axes)
-    ratios = tuple(
-        DeclaredRatio.of(robot, i) for i in axes
-        if robot.joints[i].has_gear and not robot.joints[i].has_harmonics
-    )
+    ratios = tuple(DeclaredRatio.of(robot, i) for i in axes
+                   if robot.joints[i].has_gear and not robot.joints[i].has_harmonics)
     return Layout.of(geometry + offsets + ratios)

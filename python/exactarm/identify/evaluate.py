@@ -113,8 +113,7 @@ def evaluate_closures(robot: Robot, data: Dataset, seed: int = 0, threads: int =
     return Evaluation.of(
         unit, fit.prediction.error(), residual, columns[: residual.shape[1]], rows.session, judged_rows(rows),
         warnings=warnings, data=rows, distances=set_distance_errors(robot, fit.layout, rows, threads),
-        tilt=tilt_error(fit.prediction), pixels=fit.prediction.reprojection(),
-    )
+        tilt=tilt_error(fit.prediction), pixels=fit.prediction.reprojection())
 
 
 EVALUATORS: dict[str, Callable[..., Evaluation]] = {

@@ -24,10 +24,7 @@ from exactarm.effects.gyro_alignment import tilt
 from exactarm.errors import ComputationError, InputError
 from exactarm.identify.gear_axis import GearEstimate
 from exactarm.identify.gear_declared import SIDES, measured_axes
-from exactarm.identify.gear_error import (
-    cutoff_hz,
-    sensor_part,
-)
+from exactarm.identify.gear_error import cutoff_hz, sensor_part
 from exactarm.identify.gear_found import Errors, find_gear
 from exactarm.identify.gear_orders import METHODS
 from exactarm.identify.gear_profile import fast_rows
@@ -136,8 +133,7 @@ def identify_gears(
             used = int(np.sum(rows & identification & record.keep))
             warnings.append(
                 f"axis {axis + 1}: only {used} of its {rows.sum()} rows identify in a steady motion "
-                "along a range of the axis, expected some hundreds: its gear is left as declared"
-            )
+                "along a range of the axis, expected some hundreds: its gear is left as declared")
             continue
         chosen, errors, samples = found.chosen, found.errors, found.samples
         result = _with_tables(replace(result, effects=robot.effects), axis, chosen)
@@ -154,15 +150,13 @@ def identify_gears(
         way = "behind" if delay > 0.0 else "ahead of"
         warnings.append(
             f"the gyroscope's clock is about {1e3 * abs(delay):.3g} ms {way} the motor's: it was taken "
-            "out, and stands in the robot file (time_delay) for logs by the same devices"
-        )
+            "out, and stands in the robot file (time_delay) for logs by the same devices")
     intervals = dict(result.intervals)
     for gear in gears:
         intervals[f"ratio_{gear.joint}"] = _interval(gear.estimate.ratio, gear.estimate.ratio_sigma)
     return GearIdentification(
         replace(result, intervals=intervals), tuple(gears), tuple(held_out), tuple(alignments), method,
-        tuple(warnings)
-    )
+        tuple(warnings))
 
 
 def _interval(value: float, sigma: float) -> tuple[float, float]:
@@ -187,12 +181,10 @@ def _gear(estimate: GearEstimate, side: str, errors: Errors) -> Gear:
     rows = samples.side(SIDES[side])
     sets = {"identification": rows & samples.identification, "validation": rows & ~samples.identification}
     summary = lambda error: {name: summarise(np.abs(error[mask])) for name, mask in sets.items()}
-    return Gear(
-        samples.axis + 1, side, estimate, estimate.gear_table(side), errors.before, after,
-        summary(errors.before),
-        summary(after), summary(errors.declared), summary(errors.rest), errors.noise,
-        _cutoff(samples) if samples.rated else None,
-    )
+    return Gear(samples.axis + 1, side, estimate, estimate.gear_table(side), errors.before, after,
+                summary(errors.before),
+                summary(after), summary(errors.declared), summary(errors.rest), errors.noise,
+                _cutoff(samples) if samples.rated else None)
 
 
 def _cutoff(samples: GearSamples) -> float:
@@ -253,28 +245,23 @@ def _warnings(estimate: GearEstimate):
         )
     if len(estimate.tables) == 1:
         side = next(iter(estimate.tables))
-        yield (
-            f"axis {joint} was measured in one direction ({side}) only: the other direction keeps its "
-            "declared table"
-        )
+        yield (f"axis {joint} was measured in one direction ({side}) only: the other direction keeps its "
+               "declared table")
     if samples.rated and not np.any(sensor_part(samples, estimate.disturbance)) and len(estimate.tables) == 1:
         yield (
             f"axis {joint}: one direction at one speed cannot tell the gyroscope's bias from the ratio; it "
-            "is taken as 0"
-        )
+            "is taken as 0")
     off = estimate.scale - 1.0
     if samples.rated and abs(off) > _CERTAIN * estimate.ratio_sigma / abs(samples.ratio):
         yield (
             f"axis {joint}: the ratio comes out as {estimate.ratio:.6g}, {100.0 * off:+.2g} % beside the "
             f"declared {samples.ratio:.6g}. A ratio is a count of teeth; a gyroscope whose scale is wrong by "
-            "as much reads the same: only angles (two encoders, a tracker) tell them apart"
-        )
+            "as much reads the same: only angles (two encoders, a tracker) tell them apart")
     longest = max(profile.range_rev for profile in estimate.profiles.values())
     if longest < 0.2:
         yield (
             f"axis {joint} moves over {360.0 * longest:.0f} deg: orders closer than {1.0 / longest:.0f} per "
-            "revolution cannot be told apart; the table holds on this range only"
-        )
+            "revolution cannot be told apart; the table holds on this range only")
     if not estimate.orders.size:
         yield f"axis {joint}: no order stands out of the noise"
 
@@ -310,12 +297,8 @@ def _remaining(gears: list[Gear]):
         if gear.noise > 0.0 and left > _FAR_ABOVE * gear.noise:
             loud.append(f"{gear.joint} {gear.side} {left / gear.noise:.1f} times")
     if outside:
-        yield (
-            "validation rows outside the angles that were fitted, where the table is extrapolated: "
-            f"{', '.join(outside)}"
-        )
+        yield ("validation rows outside the angles that were fitted, where the table is extrapolated: "
+               f"{', '.join(outside)}")
     if loud:
-        yield (
-            "the error on held-out rows is far above the sensor's noise, even with all but the gear's own "
-            f"taken out: {', '.join(loud)}; `exactarm diagnose` looks for its cause"
-        )
+        yield ("the error on held-out rows is far above the sensor's noise, even with all but the gear's own "
+               f"taken out: {', '.join(loud)}; `exactarm diagnose` looks for its cause")

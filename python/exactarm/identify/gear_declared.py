@@ -28,8 +28,7 @@ def declared_gear_layout(robot: Robot, data: Dataset, record: GearRecord) -> Lay
     """Harmonics, sensor, and the effects on file."""
     return harmonics_layout(robot, data,
                             record).joined(sensor_layout(robot, data, record)).joined(
-                                carried_layout(robot, data, GEAR_RUN.name)
-                            )
+                                carried_layout(robot, data, GEAR_RUN.name))
 
 
 def harmonics_layout(robot: Robot, data: Dataset, record: GearRecord) -> Layout:

@@ -37,16 +37,9 @@ class GearFit:
         return predict_gear_run(self.robot, self.layout, data, record=record, tangents=False, threads=threads)
 
 
-def fit_gear_runs(
-    robot: Robot,
-    layout: Layout,
-    data: Dataset,
-    *,
-    record: GearRecord | None = None,
-    weights: np.ndarray | None = None,
-    drift: DriftingNoise | None = None,
-    threads: int = 1,
-) -> GearFit:
+def fit_gear_runs(robot: Robot, layout: Layout, data: Dataset, *, record: GearRecord | None = None,
+                  weights: np.ndarray | None = None, drift: DriftingNoise | None = None,
+                  threads: int = 1) -> GearFit:
     """Estimates the free parameters of `layout`; `weights` (N,) per row, 0 leaves it out; `drift`: of the
     noise."""
     record = gear_record(robot, data) if record is None else record
@@ -68,6 +61,5 @@ def fit_gear_runs(
 
     components = predicted(layout).residual().shape[1]
     found = fit_layout(
-        predict, layout, used, alike=np.arange(components), floor=_LEAST_SIGMA, tolerance=_TOLERANCE,
-    )
+        predict, layout, used, alike=np.arange(components), floor=_LEAST_SIGMA, tolerance=_TOLERANCE)
     return GearFit(robot, found.layout, found.fit, found.sigma, predicted(found.layout))

@@ -64,16 +64,12 @@ def errors_of(robot: Robot, estimates: dict[str, GearEstimate], method: str) -> 
     after = {name: error(models[name], sensor_part(samples, each.disturbance))
              for name, each in estimates.items()}
     unfiltered = error(models[method], filtered=False)
-    return Errors(
-        error(samples.motor / chosen.scale),
-        after,
-        error(motor_by_tables(samples, 1.0,
-                              {side: table for side, table in own.items() if table is not None})),
-        after[method] if np.array_equal(sensor, chosen.disturbance)
-        else error(models[method], chosen.disturbance),
-        unfiltered,
-        noise_of_error(samples, unfiltered),
-    )
+    return Errors(error(samples.motor / chosen.scale), after,
+                  error(motor_by_tables(samples, 1.0,
+                                        {side: table for side, table in own.items() if table is not None})),
+                  after[method] if np.array_equal(sensor, chosen.disturbance)
+                  else error(models[method], chosen.disturbance),
+                  unfiltered, noise_of_error(samples, unfiltered))
 
 
 @dataclass(frozen=True)

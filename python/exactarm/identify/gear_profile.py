@@ -53,8 +53,7 @@ class AngleProfile:
         m = orders.size
         return _core.profile_normal(
             self.angle, self.value, self.weight, self.rated, orders, x[:m], x[m : 2 * m], float(x[-1]),
-            with_orders
-        )
+            with_orders)
 
     def spectrum(self, residual: np.ndarray, low: float, high: float,
                  count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -102,11 +102,9 @@ def gear_samples(
     else:
         output = data.joints["q"][rows, axis] - robot.offsets[axis] - beside
         disturbances, names = _encoder_disturbances(data, record, rows, axis, rate)
-    samples = GearSamples(
-        axis, float(robot.ratios[axis]), rows, data.time[rows], angle, rate, output,
-        record.direction[rows, axis],
-        record.keep[rows], data.run[rows], identification[rows], disturbances, names, rated,
-    )
+    samples = GearSamples(axis, float(robot.ratios[axis]), rows, data.time[rows], angle, rate, output,
+                          record.direction[rows, axis],
+                          record.keep[rows], data.run[rows], identification[rows], disturbances, names, rated)
     return samples, setup
 
 

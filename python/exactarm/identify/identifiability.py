@@ -72,18 +72,10 @@ class Identifiability:
         return tuple(entry.name for entry in self.dropped)
 
 
-def select_identifiable(
-    jacobian: np.ndarray,
-    names: Sequence[ParameterId],
-    *,
-    keep_first: int = 0,
-    poses: int | None = None,
-    weights: np.ndarray | None = None,
-    sigma: float | None = None,
-    plausible: Sequence[float] | None = None,
-    robot: Robot | None = None,
-    still: Sequence[int] = (),
-) -> Identifiability:
+def select_identifiable(jacobian: np.ndarray, names: Sequence[ParameterId], *, keep_first: int = 0,
+                        poses: int | None = None, weights: np.ndarray | None = None,
+                        sigma: float | None = None, plausible: Sequence[float] | None = None,
+                        robot: Robot | None = None, still: Sequence[int] = ()) -> Identifiability:
     """Identifiable parameters of `jacobian` (R, P).
 
     keep_first: the first so many columns come first in the order of preference, as they stand. poses: K of
@@ -120,14 +112,11 @@ def select_identifiable(
     indices = observability(np.linalg.svd(scaled, compute_uv=False), poses or max(len(jacobian) // 3, 1))
     rank = {name: place for place, name in enumerate(names)}
     return Identifiability(
-        names,
-        mask,
+        names, mask,
         tuple(sorted(dropped, key=lambda entry: rank[entry.name])),
         _all_singular_values(unit, len(names)),
         float(kept_values[0] / kept_values[-1]) if kept_values.size and kept_values[-1] > 0.0 else np.inf,
-        indices,
-        deviations,
-    )
+        indices, deviations)
 
 
 def still_axes(q: np.ndarray) -> tuple[int, ...]:

@@ -37,19 +37,10 @@ class LayoutFit:
     sigma: np.ndarray
 
 
-def fit_layout(
-    predict: Predict,
-    layout: Layout,
-    weight: np.ndarray,
-    sigma: np.ndarray | None = None,
-    *,
-    alike: np.ndarray,
-    floor: np.ndarray | float = 1e-12,
-    robust: bool = False,
-    tolerance: float = 1e-10,
-    drawing: Drawing | None = None,
-    worth: np.ndarray | None = None,
-) -> LayoutFit:
+def fit_layout(predict: Predict, layout: Layout, weight: np.ndarray, sigma: np.ndarray | None = None, *,
+               alike: np.ndarray, floor: np.ndarray | float = 1e-12, robust: bool = False,
+               tolerance: float = 1e-10, drawing: Drawing | None = None,
+               worth: np.ndarray | None = None) -> LayoutFit:
     """Estimates the free parameters of `layout`.
 
     predict(layout, with_jacobian): residual (N, m) and Jacobian (N, m, P) of the prediction (if asked), of
@@ -93,8 +84,7 @@ def fit_layout(
         fit = least_squares(
             evaluate, x, weights=np.concatenate([each, np.ones(len(pull))]), bounds=bounds, robust=robust,
             group=_group(alike), data_rows=each.size,
-            numbers=numbers, tolerance=tolerance if exact else max(tolerance, _ALONG),
-        )
+            numbers=numbers, tolerance=tolerance if exact else max(tolerance, _ALONG))
         (last,) = latest.values()
         spent = _spent(last.jacobian[: each.size], weight[rows], sigma, alike, pull, fit)
         left = fit.clipped[: each.size].reshape(-1, components)

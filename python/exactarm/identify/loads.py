@@ -94,11 +94,9 @@ def guess_line(robot: Robot, data: Dataset) -> str | None:
     by = "scaled to the measured torques" if measured.any() else by
     total = sum(link.mass for link in robot.links)
     other = "other " if measured.any() else ""
-    return (
-        f"the robot file declares no link masses: {other}loads are those of a generic "
-        f"distribution of {total:.3g} kg ({by}); the size of what depends on a load is relative to it: "
-        "declare [[links]] or give measured torques to make it absolute"
-    )
+    return (f"the robot file declares no link masses: {other}loads are those of a generic "
+            f"distribution of {total:.3g} kg ({by}); the size of what depends on a load is relative to it: "
+            "declare [[links]] or give measured torques to make it absolute")
 
 
 def load_json(robot: Robot, data: Dataset) -> dict:

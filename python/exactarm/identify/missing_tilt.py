@@ -56,5 +56,4 @@ def missing_tilts(robot: Robot, layout: Layout, data: Dataset, threads: int = 1)
     return (
         f"the robot file has no beta in frame {listed(i + 1 for i in frames)}, whose axis is parallel to the "
         f"next one; a tilt of {listed(f'{1e3 * size:.2g}' for size in sizes)} mrad there explains "
-        f"{100.0 * share:.0f} % of what is left (square sum): write beta_rad = 0.0 in place of d there",
-    )
+        f"{100.0 * share:.0f} % of what is left (square sum): write beta_rad = 0.0 in place of d there",)

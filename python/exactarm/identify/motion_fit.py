@@ -42,15 +42,11 @@ class MotionFit:
     def residual(self, record: MotionRecord, threads: int = 1) -> np.ndarray:
         """(N', m) measured minus predicted on the rows of any record that count."""
         return predict_motion(self.robot, self.layout, record, tangents=False,
-                              threads=threads).residual()[record.keep][
-            :, self.axes
-        ]
+                              threads=threads).residual()[record.keep][:, self.axes]
 
 
-def fit_motion(
-    robot: Robot, layout: Layout, record: MotionRecord, *, weights: np.ndarray | None = None,
-    sigma: np.ndarray | None = None, threads: int = 1,
-) -> MotionFit:
+def fit_motion(robot: Robot, layout: Layout, record: MotionRecord, *, weights: np.ndarray | None = None,
+               sigma: np.ndarray | None = None, threads: int = 1) -> MotionFit:
     """Estimates the free parameters of `layout` on the rows of `record` (weights (N,) per row, 0 leaves it
     out)."""
     axes = record.measured_axes

@@ -42,13 +42,9 @@ def observability(singular_values: np.ndarray, poses: int) -> Observability:
     if values.size == 0 or values.min() <= 0.0 or poses < 1:
         return Observability(0.0, 0.0, 0.0, 0.0, 0.0)
     largest, smallest = values.max(), values.min()
-    return Observability(
-        O1=float(np.exp(np.mean(np.log(values))) / np.sqrt(poses)),
-        O2=float(smallest / largest),
-        O3=float(smallest),
-        O4=float(smallest**2 / largest),
-        O5=float(1.0 / np.sum(1.0 / values)),
-    )
+    return Observability(O1=float(np.exp(np.mean(np.log(values))) / np.sqrt(poses)),
+                         O2=float(smallest / largest), O3=float(smallest), O4=float(smallest**2 / largest),
+                         O5=float(1.0 / np.sum(1.0 / values)))
 
 
 def column_scale(names: Sequence[ParameterId], plausible: Sequence[float] | None = None) -> np.ndarray:

@@ -26,12 +26,10 @@ _NINETY_FIVE = 1.959964
 _OTHER_ARM = 2.0  # times Schwarz' price
 NO_SCALE = (
     "the partner's robot file is a drawing ([intervals] are missing): it is estimated beside the arm, and "
-    "tells no scale; a calibrated file of the partner does"
-)
+    "tells no scale; a calibrated file of the partner does")
 WRONG_PARTNER = (
     "the touches fit far better with the partner free as a drawing is ({before:.3g} mm to {after:.3g} mm "
-    "RMS) than with the intervals of its file: is {file} the file of this arm, calibrated as it is now?"
-)
+    "RMS) than with the intervals of its file: is {file} the file of this arm, calibrated as it is now?")
 
 
 def calibrated(robot: Robot) -> bool:

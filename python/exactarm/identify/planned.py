@@ -45,8 +45,7 @@ class PlannedModel:
                                                for name in placed.names if name not in unknown})
         layout = layout.joined(geometry_layout(robot)).joined(compliance_layout(robot, pose_data(q)))
         joints = tuple(
-            replace(joint, cw=None, ccw=None, spring_linear=None, spring_cubic=0.0) for joint in robot.joints
-        )
+            replace(joint, cw=None, ccw=None, spring_linear=None, spring_cubic=0.0) for joint in robot.joints)
         loaded = any(name.group is Group.EFFECT for name in layout.names)
         plain = replace(robot, joints=joints, effects=(), base=Placement(),
                         links=robot.links if loaded else None)

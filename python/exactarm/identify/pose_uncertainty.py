@@ -83,8 +83,7 @@ def pose_uncertainty(
     values = np.maximum(np.linalg.eigvalsh(covariance), 0.0)
     return PoseUncertainty(
         covariance * quantile / CHI_SQUARE, np.sqrt(values * quantile), position, len(judged),
-        quantile / CHI_SQUARE, half_coverage(scores, seed), own, robot.covariance is not None,
-    )
+        quantile / CHI_SQUARE, half_coverage(scores, seed), own, robot.covariance is not None)
 
 
 def model_uncertainty(robot: Robot, q: np.ndarray, threads: int = 1) -> np.ndarray | None:

@@ -9,10 +9,6 @@ from exactarm.robot.robot import Robot
 
 def reach(robot: Robot) -> float:
     """m."""
-    strokes = [
-        abs(bound or 0.0)
-        for joint in robot.joints
-        if joint.type == "prismatic"
-        for bound in (joint.q_min, joint.q_max)
-    ]
+    strokes = [abs(bound or 0.0) for joint in robot.joints if joint.type == "prismatic"
+               for bound in (joint.q_min, joint.q_max)]
     return float(sum(np.hypot(joint.a, joint.d) for joint in robot.joints) + sum(strokes))

@@ -76,8 +76,7 @@ def session_payloads(data: Dataset, layout: Layout, bounds: np.ndarray) -> tuple
             if interval is not None:
                 centre = _as_given(data, effect.centre_of_mass())
                 found.append(
-                    EstimatedPayload(session, effect.values[0], tuple(map(float, interval)), centre, True)
-                )
+                    EstimatedPayload(session, effect.values[0], tuple(map(float, interval)), centre, True))
         elif session not in data.unweighed:
             row = int(np.argmax(data.session == session))
             mass, centre = data.payload[0][row], _as_given(data, data.payload[1][row])

@@ -28,7 +28,5 @@ def summarise(errors: np.ndarray) -> ErrorSummary:
     if errors.size == 0:
         return ErrorSummary(0, *[float("nan")] * 5)
     rms = float(np.sqrt(np.mean(errors**2)))
-    return ErrorSummary(
-        int(errors.size), float(errors.mean()), rms, float(errors.max()), float(errors.min()),
-        float(errors.std())
-    )
+    return ErrorSummary(int(errors.size), float(errors.mean()), rms, float(errors.max()), float(errors.min()),
+                        float(errors.std()))

@@ -62,8 +62,7 @@ def render_verdict_html(report: Report) -> str:
         rows = (Markup("").join(Markup("<td>{}</td>").format(cell) for cell in row) for row in zip(*columns))
         body = Markup("").join(Markup("<tr>{}</tr>").format(row) for row in rows)
         parts.append(Markup(
-            "<table><caption>{}</caption><thead><tr>{}</tr></thead><tbody>{}</tbody></table>"
-        ).format(
+            "<table><caption>{}</caption><thead><tr>{}</tr></thead><tbody>{}</tbody></table>").format(
             table.heading, head, body))
     parts += [Markup("<p>warning: {}</p>").format(item) for item in report.warnings]
     return str(Markup("").join(parts))

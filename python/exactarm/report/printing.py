@@ -26,14 +26,8 @@ def print_page(page: Path, pdf: Path) -> str:
         ("--no-sandbox",) if hasattr(os, "geteuid") and os.geteuid() == 0 else ()
     )  # a browser of root's refuses its sandbox
     with tempfile.TemporaryDirectory() as profile:
-        words = [
-            browser,
-            *_FLAGS,
-            *root,
-            f"--user-data-dir={profile}",
-            f"--print-to-pdf={pdf.resolve()}",
-            page.resolve().as_uri(),
-        ]
+        words = [browser, *_FLAGS, *root, f"--user-data-dir={profile}", f"--print-to-pdf={pdf.resolve()}",
+                 page.resolve().as_uri()]
         try:
             done = subprocess.run(words, capture_output=True, timeout=PATIENCE_S)
         except (OSError, subprocess.TimeoutExpired) as error:

@@ -69,6 +69,5 @@ def inconsistencies(robot: Robot) -> tuple[str, ...]:
         elif least < -_ROUNDING * abs(largest):
             moments = ", ".join(f"{value:.3g}" for value in np.linalg.eigvalsh(link.inertia))
             found.append(
-                f"link {number} has the principal moments of inertia {moments} kg m2: no body has these"
-            )
+                f"link {number} has the principal moments of inertia {moments} kg m2: no body has these")
     return tuple(found)

@@ -105,8 +105,7 @@ class Joint(Value):
             "gear": _core.Gear(gear, *((table or GearTable()).core() for table in (self.cw, self.ccw))),
             "spring": _core.Spring(self.spring_linear or 0.0, self.spring_cubic),
             "drive": _core.Drive(self.rotor_inertia or 0.0, motor=motor),
-            "limits": _core.Limits(**limits),
-        }
+            "limits": _core.Limits(**limits)}
 
 
 @dataclass(frozen=True, eq=False)

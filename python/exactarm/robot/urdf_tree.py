@@ -61,8 +61,7 @@ class UrdfTree:
             if joint.type not in (*MOVING, "fixed"):
                 message = (
                     f"joint {joint.name}: type {joint.type!r}; expected revolute, continuous, prismatic or "
-                    "fixed"
-                )
+                    "fixed")
                 raise InputError(message, file=self.path)
         if not any(joint.type in MOVING for joint in way):
             raise InputError("no joint moves between base and tip; expected at least one", file=self.path)
@@ -267,8 +266,7 @@ class _TreeReader:
                 out[joint.get("name")] = 0.0
             if not (np.isfinite(out[joint.get("name")]) and out[joint.get("name")]):
                 message = (
-                    f"transmission of joint {joint.get('name')}: {reduction.text!r}; expected a gear ratio"
-                )
+                    f"transmission of joint {joint.get('name')}: {reduction.text!r}; expected a gear ratio")
                 raise InputError(message, file=self.path)
         # A reduction of 1 is what description files say where nobody looked.
         return {name: ratio for name, ratio in out.items() if ratio != 1.0}

@@ -54,13 +54,11 @@ _NAMES_SHOWN, _LETTERS_SHOWN = 3, 30  # of columns, in a refusal of one line
 def _from_columns(data: Rows) -> tuple[Kind, ...]:
     held = [kind for kind in _IN_ORDER if kind.held_by(data)]
     if not held:
-        raise InputError(
-            "no measured quantity; expected x, y, z (poses), socket, plane, sphere, bar, pair, "
-            "tilt_x_rad, accel_x_m_s2 or u_px (closures), "
-            "gyro_x, gyro_y, gyro_z or theta_i beside q_i "
-            "(gear run), or tau_i, tau_motor_i or current_i (motion)" + _other_names(data),
-            file=file_of(data),
-        )
+        raise InputError("no measured quantity; expected x, y, z (poses), socket, plane, sphere, bar, pair, "
+                         "tilt_x_rad, accel_x_m_s2 or u_px (closures), "
+                         "gyro_x, gyro_y, gyro_z or theta_i beside q_i "
+                         "(gear run), or tau_i, tau_motor_i or current_i (motion)" + _other_names(data),
+                         file=file_of(data))
     return (held[0],) if held[0].alone else tuple(held)
 
 

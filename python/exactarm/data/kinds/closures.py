@@ -50,11 +50,9 @@ class _Closures(Kind):
             tracked = ~np.isnan(data.position).any(axis=1)
         if not (touched | tracked).all():
             at = int(np.argmin(touched | tracked))
-            raise InputError(
-                "neither a contact nor x, y, z; expected one of them in every row",
-                file=file_of(data, data.file_index[at]), row=int(data.row[at]),
-                column=next(iter(data.contacts)),
-            )
+            raise InputError("neither a contact nor x, y, z; expected one of them in every row",
+                             file=file_of(data, data.file_index[at]), row=int(data.row[at]),
+                             column=next(iter(data.contacts)))
 
 
 CLOSURES = _Closures()

@@ -23,14 +23,8 @@ MOST = 1e12
 MOST_NAMED = len(CYCLE)  # poses with a colour of their own
 
 
-def statistic_over_days(
-    statistic: np.ndarray,
-    boundary: float,
-    moved: np.ndarray,
-    noise: float,
-    alarm: int | None,
-    since: tuple[int, int] | None,
-) -> Figure:
+def statistic_over_days(statistic: np.ndarray, boundary: float, moved: np.ndarray, noise: float,
+                        alarm: int | None, since: tuple[int, int] | None) -> Figure:
     """statistic (T,); moved (T, K) m, NaN where a pose was not measured; alarm, since: days from 0."""
     figure = new_figure(5.2)
     upper, lower = figure.subplots(2, 1, sharex=True)
@@ -46,14 +40,8 @@ def _statistic(statistic: np.ndarray, boundary: float, alarm: int | None, axes: 
     )
     axes.axhline(boundary, color=FLOOR, linestyle="--", label="boundary: one false alarm a year at most")
     if alarm is not None:
-        axes.plot(
-            alarm + 1,
-            np.clip(statistic[alarm], LEAST, MOST),
-            "D",
-            color=VALIDATION,
-            markersize=7,
-            label="alarm",
-        )
+        axes.plot(alarm + 1, np.clip(statistic[alarm], LEAST, MOST), "D", color=VALIDATION, markersize=7,
+                  label="alarm")
     axes.set(ylabel="statistic")
     legend_above(axes)
 
@@ -62,21 +50,12 @@ def _moved(moved: np.ndarray, noise: float, since: tuple[int, int] | None, axes:
     size, unit = scaled(moved, "m", np.array([noise]))
     days = np.arange(1, len(moved) + 1)
     if since is not None:
-        axes.axvspan(
-            since[0] + 0.5,
-            since[1] + 1.5,
-            color=VALIDATION,
-            alpha=0.15,
-            linewidth=0.0,
-            label="began here (95 %)",
-        )
+        axes.axvspan(since[0] + 0.5, since[1] + 1.5, color=VALIDATION, alpha=0.15, linewidth=0.0,
+                     label="began here (95 %)")
     many = moved.shape[1] > MOST_NAMED
     for k, values in enumerate(moved.T):
-        look = (
-            {"color": AFTER, "alpha": 0.4, "label": "every pose" if k == 0 else None}
-            if many
-            else {"label": f"pose {k + 1}"}
-        )
+        look = ({"color": AFTER, "alpha": 0.4, "label": "every pose" if k == 0 else None} if many
+                else {"label": f"pose {k + 1}"})
         axes.plot(days, values / size, "o-", markersize=3.0, linewidth=1.0, **look)
     axes.axhline(noise / size, color=FLOOR, linestyle="--", label="noise")
     axes.set(xlabel="day of NEW", ylabel=label_with("moved since BEFORE", unit))

@@ -40,23 +40,12 @@ def shift_view(points: np.ndarray, shifts: np.ndarray) -> Figure:
     decade = 10.0 ** np.floor(np.log10(factor))
     factor = decade * ROUND[ROUND <= factor / decade].max()
     for axes, (title, i, j) in zip(panels, VIEWS):
-        axes.plot(
-            points[:, i], points[:, j], "o", color=SOFT, markersize=marker_size(len(points)),
-            label="target" if every == 1 else f"target (one in {every} drawn)",
-        )
-        axes.quiver(
-            points[:, i],
-            points[:, j],
-            factor * shifts[:, i],
-            factor * shifts[:, j],
-            color=AFTER,
-            angles="xy",
-            scale_units="xy",
-            scale=1.0,
-            width=0.004,
-            label=f"correction, {factor:.0f} times as long",
-            zorder=3,
-        )
+        axes.plot(points[:, i], points[:, j], "o", color=SOFT, markersize=marker_size(len(points)),
+                  label="target" if every == 1 else f"target (one in {every} drawn)")
+        axes.quiver(points[:, i], points[:, j], factor * shifts[:, i], factor * shifts[:, j], color=AFTER,
+                    angles="xy", scale_units="xy", scale=1.0, width=0.004,
+                    label=f"correction, {factor:.0f} times as long",
+                    zorder=3)
         ends = points + factor * shifts
         axes.plot(ends[:, i], ends[:, j], linestyle="none")  # so that no arrow is cut off
         axes.plot(0.0, 0.0, "+", color=INK, markersize=11, markeredgewidth=1.6, label="robot base")
@@ -78,15 +67,8 @@ def shift_per_target(sizes: np.ndarray) -> Figure:
     axes.plot(x, y, "o", color=AFTER, markersize=marker_size(len(x)))
     if left.any():
         x = number[left][:: -(-left.sum() // MOST_DRAWN)]
-        axes.plot(
-            x,
-            np.zeros(len(x)),
-            "x",
-            color=VALIDATION,
-            markersize=5,
-            label="not corrected",
-            clip_on=False,
-        )
+        axes.plot(x, np.zeros(len(x)), "x", color=VALIDATION, markersize=5, label="not corrected",
+                  clip_on=False)
         legend_above(axes)
     axes.set(xlabel="target", ylabel=label_with("correction", unit))
     axes.xaxis.get_major_locator().set_params(integer=True)

@@ -100,10 +100,8 @@ def _draw(axes: Axes, panel: EffectPanel) -> None:
               transform=axes.get_xaxis_transform(), clip_on=False)
     drawn = np.concatenate([np.abs(panel.without) if panel.same or not panel.curve else np.zeros(1),
                             np.abs(panel.value) + panel.half if panel.curve else np.zeros(1)]) / size
-    top = (
-        1.15 * float(max(np.percentile(drawn, _SHOWN),
-                         np.max(np.abs(panel.value)) / size if panel.curve else 0.0)) or 1.0
-    )
+    top = (1.15 * float(max(np.percentile(drawn, _SHOWN),
+                            np.max(np.abs(panel.value)) / size if panel.curve else 0.0)) or 1.0)
     before, after = (np.sqrt(np.mean(np.square(values))) for values in (panel.without, panel.with_))
     axes.set(ylim=(-top, top), xlabel=label_with(panel.signal, x_shown), ylabel=f"[{shown}]" if shown else "")
     if wide:

@@ -22,8 +22,7 @@ from matplotlib.ticker import LogFormatterSciNotation
 from exactarm.report.numbers import choose_scale
 
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY, GREY = (
-    "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#868C94",
-)
+    "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#868C94")
 INK, SOFT = "#222222", "#555555"
 BEFORE, AFTER, VALIDATION, FLOOR = GREY, BLUE, RED, GREEN
 CYCLE = (BLUE, RED, GREEN, ORANGE, PURPLE, SKY, INK)

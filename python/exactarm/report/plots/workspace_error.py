@@ -28,23 +28,13 @@ def error_over_workspace(points: np.ndarray, before: np.ndarray, after: np.ndarr
     top = float(np.quantile(np.concatenate([before, after]) / size, 0.98)) or 1.0
     figure = new_figure(_HEIGHT_IN)
     panels = figure.subplots(2, 2)
-    dots = {
-        "s": 1.6 * marker_size(len(points)) ** 2,
-        "linewidths": 0.0,
-        "rasterized": len(points) > RASTER_ABOVE,
-    }
+    dots = {"s": 1.6 * marker_size(len(points)) ** 2, "linewidths": 0.0,
+            "rasterized": len(points) > RASTER_ABOVE}
     for row, (title, horizontal, vertical, names) in zip(panels, _views(points)):
         for axes, error, when in zip(row, (before, after), ("before", "after")):
             order = np.argsort(error)
-            drawn = axes.scatter(
-                horizontal[order],
-                vertical[order],
-                c=error[order] / size,
-                cmap=COLOURS,
-                vmin=0.0,
-                vmax=top,
-                **dots,
-            )
+            drawn = axes.scatter(horizontal[order], vertical[order], c=error[order] / size, cmap=COLOURS,
+                                 vmin=0.0, vmax=top, **dots)
             axes.set(title=f"{when}, {title}", xlabel=names[0], ylabel=names[1] if when == "before" else "")
             axes.set_aspect("equal", adjustable="datalim")
     bar = figure.colorbar(drawn, ax=panels, extend="max", shrink=0.8, aspect=30)
@@ -54,10 +44,8 @@ def error_over_workspace(points: np.ndarray, before: np.ndarray, after: np.ndarr
 
 def _views(points: np.ndarray) -> tuple:
     radius = np.hypot(points[:, 0], points[:, 1])
-    return (
-        ("from above", points[:, 0], points[:, 1], ("x [m]", "y [m]")),
-        ("from the side", radius, points[:, 2], ("distance from axis 1 [m]", "z [m]")),
-    )
+    return (("from above", points[:, 0], points[:, 1], ("x [m]", "y [m]")),
+            ("from the side", radius, points[:, 2], ("distance from axis 1 [m]", "z [m]")))
 
 
 def distance_error_panel(length: np.ndarray, before: np.ndarray, after: np.ndarray, axes: Axes) -> None:
@@ -70,13 +58,7 @@ def distance_error_panel(length: np.ndarray, before: np.ndarray, after: np.ndarr
     for error, colour, label in ((before, BEFORE, "before"), (after, AFTER, "after")):
         low, half, high = np.array([np.quantile(error[part] / size, [0.05, 0.5, 0.95]) for part in parts]).T
         axes.fill_between(middle, low, high, color=colour, alpha=0.25, linewidth=0.0)
-        axes.plot(
-            middle,
-            half,
-            "o-",
-            color=colour,
-            markersize=3.5,
-            label=f"{label}: median, and nine tenths of the pairs",
-        )
+        axes.plot(middle, half, "o-", color=colour, markersize=3.5,
+                  label=f"{label}: median, and nine tenths of the pairs")
     axes.set(xlabel="distance of two poses [m]", ylabel=label_with("error of the distance", unit))
     legend_above(axes)
