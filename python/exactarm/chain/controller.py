@@ -108,8 +108,7 @@ def _branches(robot: Robot, position: np.ndarray, rotation: np.ndarray, of: Poin
 
 
 def inverse_dynamics(robot: Robot, q: np.ndarray, q_dot: np.ndarray, q_ddot: np.ndarray) -> np.ndarray:
-    """(N, n) joint torques in Nm, link side, without friction: D q_ddot + C q_dot + g at the joints behind q
-    (N, n)."""
+    """(N, n) Nm, link side, without friction: D q_ddot + C q_dot + g at the joints behind q (N, n)."""
     if robot.links is None or robot.generic_masses:
         raise InputError(f"robot {robot.name} declares no link masses; expected them for torques")
     placed = _placed(robot, "flange", "base")

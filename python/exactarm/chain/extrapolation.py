@@ -15,8 +15,7 @@ _LEAST_SHARE = 0.01  # of the rows; deflections move single rows across an end
 
 
 def extrapolations(robot: Robot, q: np.ndarray, what: str = "rows") -> tuple[str, ...]:
-    """One sentence for each effect of the robot that is used beyond its angles; q (N, n) in rad, NaN where
-    not logged."""
+    """A sentence for each effect that is used beyond its angles; q (N, n) in rad, NaN where not logged."""
     q = q[~np.isnan(q).any(axis=1)]
     told = []
     for effect in robot.effects:

@@ -67,8 +67,7 @@ class GearRunPrediction:
 
 def predict_gear_run(robot: Robot, layout: Layout, data: Dataset, *, record: GearRecord | None = None,
                      tangents: bool = True, threads: int = 1) -> GearRunPrediction:
-    """Prediction of every row with the effects of `layout`; `record`: of the same data, to save its
-    preparation."""
+    """Prediction of every row with the effects of `layout`; `record`: of the same data, where prepared."""
     record = gear_record(robot, data) if record is None else record
     robot = layout.baked(robot)
     view = record.view(robot, data, threads)
@@ -180,8 +179,7 @@ def _on_moving_axis(sensor_axis: np.ndarray, along: np.ndarray, axes: int,
 
 def _jacobian(view: View, layout: Layout, record: GearRecord, passed: list[Recorded],
               weights: np.ndarray) -> np.ndarray:
-    """(N, m, P), one run after another so that the tangents of the joints never stand in memory all at
-    once."""
+    """(N, m, P), run by run, so that the tangents of the joints never stand in memory all at once."""
     size, components = layout.size, weights.shape[1]
     jacobian = np.zeros((view.rows, components, size))
     for number, rows in enumerate(record.runs):

@@ -36,8 +36,7 @@ _RELATIVE_STEP = 1e-4  # of a plausible value, for the slope of dphi/dtheta (exa
 
 @dataclass
 class MotionView(View):
-    """A view that remembers how it came about, so that it can tell the response to an effect not in the
-    layout."""
+    """A view that remembers how it came about, and so tells the response to an effect not in the layout."""
 
     evaluated: tuple = field(default=(), repr=False)  # robot, layout, record
     # (robot, layout, record, threads, bent) -> prediction
@@ -106,8 +105,7 @@ class MotionView(View):
 
 @dataclass(frozen=True)
 class MotionPrediction:
-    """What the drives should report on the rows of the record: torque (N, n) Nm, jacobian (N, n, P) or
-    None."""
+    """What the drives should report on the record's rows: torque (N, n) Nm, jacobian (N, n, P) or None."""
 
     torque: np.ndarray
     jacobian: np.ndarray | None
@@ -190,8 +188,7 @@ def _joints(view: View, layout: Layout, tangents: bool) -> None:
 
 
 def _bend(view: View, layout: Layout, record: MotionRecord, tangents: bool) -> None:
-    """The declared springs give way under the torque, which is relieved by it; tangents about the bent
-    motion."""
+    """The declared springs give way under the torque, and relieve it; tangents about the bent motion."""
     unbent = SpringResponse(view.robot, *_slopes(view), record.runs, record.step, record.inside)
     if view.bent is None:
         view.bent = (*unbent.give_way(view.torque), unbent.tangent)

@@ -116,8 +116,7 @@ class MotionRecord:
         return self._low_passed(values, _WIDE)
 
     def slow(self, values: np.ndarray) -> np.ndarray:
-        """(N, ...) behind a low-pass that leaves what arms are moved by; as it is where nothing was
-        filtered."""
+        """(N, ...) behind a low-pass that leaves what arms are moved by, if anything was filtered."""
         return (values if self.bandwidth_hz is None
                 else self._low_passed(values, min(SLOW_HZ / self.bandwidth_hz, 1.0)))
 
@@ -130,8 +129,7 @@ class MotionRecord:
         return out
 
     def white_share(self, step: float) -> float:
-        """Share of the variance of white noise, sampled every `step` s, that passes the low-pass of the
-        torque."""
+        """Share of the variance of white noise, sampled every `step` s, behind the low-pass of the torque."""
         if self.bandwidth_hz is None:
             return 1.0
         frequency = np.linspace(0.0, 0.5 / step, 4096)

@@ -44,8 +44,7 @@ class PosePrediction:
     view: View
 
     def residual(self, orientation: bool = False) -> np.ndarray:
-        """(N, 3) or (N, 6): measured minus predicted; orientation as a rotation vector in the measuring
-        frame."""
+        """(N, 3) or (N, 6): measured minus predicted; rotation vectors in the measuring frame."""
         data = self.view.data
         position = data.position - self.position
         if not orientation:

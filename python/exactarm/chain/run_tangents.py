@@ -38,8 +38,7 @@ Tangents = dict[str, dict[int, np.ndarray]]
 
 
 def moved(tangents: Tangents, signal: str, recorded: Recorded, rows: slice | np.ndarray, size: int) -> None:
-    """Adds one recorded change to the tangent of a signal on `rows`, in place; size = P, 0 without
-    parameters."""
+    """Adds a recorded change to the tangent of a signal on `rows`, in place; size = P, 0: no parameters."""
     change, moves = recorded.change, []
     for name, factor in change.by_signal.items():
         for j, upstream in tangents.get(name, {}).items():

@@ -46,8 +46,7 @@ class SpringResponse:
         self.tangent = np.broadcast_to(self.linear, by_q.shape[:2])
 
     def give_way(self, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """e (N, n) under the torque (N, n) of the unbent motion, and the torque that is left at the
-        joints."""
+        """e (N, n) under the torque (N, n) of the unbent motion, and the torque left at the joints."""
         e = -declared_deflection(self.robot, torque)[0]
         for _ in range(_SECANTS if np.any(self.cubic) else 1):
             secant = self.linear + self.cubic * e**2
@@ -61,8 +60,7 @@ class SpringResponse:
         return e, self.carried(torque, e, self.tangent)
 
     def carried(self, torque: np.ndarray, e: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
-        """(N, n, P) torque at the joints as the arm gives way by e (N, n, P): that of the springs where there
-        are any."""
+        """(N, n, P) torque at the joints as the arm gives way by e (N, n, P): the springs', if any."""
         rate, acceleration = self.rates(e)
         springs = stiffness[:, :, None] * e + (DAMPING_S * self.linear)[:, None] * rate
         if np.all(self.elastic):
@@ -103,8 +101,7 @@ class SpringResponse:
 
 
 def _positive(mass: np.ndarray) -> np.ndarray:
-    """The mass matrices (N, n, n), made positive where a trial of an identification is not: it would run
-    away."""
+    """The mass matrices (N, n, n), made positive where those of a trial are not: it would run away."""
     try:
         np.linalg.cholesky(mass)
         return mass

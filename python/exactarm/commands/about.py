@@ -49,8 +49,7 @@ def add_about(parser: argparse.ArgumentParser) -> None:
 
 
 def about_of(file: str | Path | Mapping[str, Any] | None, options: Mapping[str, Any]) -> dict[str, Any]:
-    """All that is known, options before the file's keys; `instrument_u_mm` is a number, dates are ISO
-    dates."""
+    """All that is known, options before the file's keys; `instrument_u_mm` is a number, dates are ISO."""
     known: dict[str, Any] = {}
     where = None
     if isinstance(file, Mapping):

@@ -222,8 +222,7 @@ def _report(robot: Robot, data: Dataset, result: Calibration, rule: str) -> Repo
 
 
 def _distance_tables(result: Calibration) -> tuple[Any, ...]:
-    """The known distances before and after; on the validation rows, with the contacts fitted to these rows
-    alone."""
+    """The known distances before and after; on validation rows with the contacts fitted to these alone."""
     def table(title: str, error: str, unit: str, note: str) -> Table:
         rows = tuple(
             (name, Quantity(result.beside_before[name].get(error), unit), Quantity(after[error], unit))

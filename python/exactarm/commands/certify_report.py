@@ -31,8 +31,7 @@ MANY_FREEDOM = 1000  # degrees of freedom beyond which a number says nothing
 
 @dataclass(frozen=True)
 class Certified:
-    """All that a certificate is written from. data, points: the judged rows; summaries: errors before and
-    after."""
+    """What a certificate is written from. data, points: the judged rows; summaries: errors before, after."""
 
     robot: Robot
     earlier: Robot

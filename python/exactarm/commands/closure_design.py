@@ -18,8 +18,7 @@ from exactarm.robot.robot import Robot
 
 
 def designed_closures(robot: Robot, options: ClosureDesignOptions) -> CommandResult:
-    """The design as a command's result: `poses.csv` with session and socket, and the fixture file for its
-    distance."""
+    """The design as a result: `poses.csv` with session and socket, and the fixture file for its distance."""
     found = design_closures(robot, options)
     columns = {"session": found.session, "socket": found.socket}
     reported = robot.controller.reported(found.q)

@@ -95,8 +95,7 @@ def _json(outcome: Outcome) -> dict[str, Any]:
 
 
 def _errors(result: dict[str, Any]) -> tuple[float | None, float | None, str]:
-    """Mean error on rows that were never fitted, before and after, and its unit, where the command has
-    them."""
+    """Mean error on rows never fitted, before and after, and its unit, where the command has them."""
     def mean(key: str) -> float | None:
         sets = result.get(key)
         return sets["validation"]["mean"] if isinstance(sets, dict) and "validation" in sets else None

@@ -216,8 +216,7 @@ def _json(design: Design) -> dict[str, Any]:
 
 
 def _visits(design: Design, both_ways: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """q (N, n) in the order of driving, the set of each, and the direction of approach (N, n) where it is
-    planned."""
+    """q (N, n) in the order of driving, the set of each, and the direction of approach (N, n), if planned."""
     q = np.concatenate([design.q, design.q_validation])
     sets = np.repeat(["identification", "validation"], [len(design.q), len(design.q_validation)])
     if not both_ways:

@@ -80,8 +80,7 @@ def _short(name: str) -> str:
 
 
 def read_experiments(path: Path, robot: Robot) -> tuple[Experiment, ...]:
-    """The experiments of a diagnosis' result.json. Raises InputError where there are none, or none for this
-    robot."""
+    """The experiments of a diagnosis' result.json. Raises InputError where none are for this robot."""
     entries = _told(path).get("experiments")
     if not isinstance(entries, list):
         raise InputError(f"no experiments; {_EXPECTED}", file=str(path))
@@ -136,8 +135,7 @@ def minutes_of(words: list[str]) -> dict[str, float]:
 
 def designed_for(robot: Robot, path: Path, cost: Mapping[str, float],
                  program: str | None = None) -> CommandResult:
-    """The experiment with the most bits per minute as `poses.csv`: every pose twice, from below and from
-    above."""
+    """The experiment with the most bits a minute as `poses.csv`: every pose twice, from below and above."""
     experiments = sorted(read_experiments(path, robot), key=lambda e: (not e.parts, -e.bits_per_minute(cost)))
     best = experiments[0]
     both = np.repeat(best.q, 2, axis=0)

@@ -74,8 +74,7 @@ def rows_left_out(result: Diagnosis, finding: Finding) -> Quantity | None:
 
 def causes_in_words(result: Diagnosis, found: Sequence[tuple[Finding, Contribution | None]],
                     axes: int) -> str:
-    """All causes in one phrase, the largest at the tool first: like ones of several axes together, with their
-    size."""
+    """All causes in one phrase, the largest at the tool first; like ones of several axes together."""
     groups: dict[str, list[tuple[Finding, Contribution | None]]] = {}
     for finding, contribution in found:
         groups.setdefault(finding.effect.in_plain_words, []).append((finding, contribution))

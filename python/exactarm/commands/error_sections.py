@@ -40,8 +40,7 @@ def error_table(
 
 def highlights(before: Mapping[str, ErrorSummary], after: Mapping[str, ErrorSummary],
                unit: str) -> Highlights:
-    """Mean and maximum of the rows that judge: validation where there are any. One number where nothing
-    changed."""
+    """Mean and maximum of the rows that judge: validation if there are any. One number if nothing changed."""
     judge = "validation" if after["validation"].n else "identification"
     return Highlights(tuple(
         Highlight(f"{judge}, {name}", Quantity(getattr(after[judge], field), unit),
@@ -80,8 +79,7 @@ def parameter_table(names, start, values, intervals, units, at_bound=None) -> Ta
 
 
 def geometry_tables(names, start, values, intervals, units, at_bound) -> tuple[Table, ...]:
-    """Lengths in mm, angles in degrees, the rest as it is: one unit a table, decimals of the narrowest
-    interval."""
+    """Lengths in mm, angles in degrees, the rest as it is; decimals of a table's narrowest interval."""
     tables = []
     for unit, heading, shown, size in (("m", "Lengths", "mm", 1e-3), ("rad", "Angles", "deg", np.pi / 180.0)):
         halves = [0.5 * float(high - low) / size for (low, high), own in zip(intervals, units) if own == unit]

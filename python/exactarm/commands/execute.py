@@ -70,8 +70,7 @@ def _open(words: Sequence[str], hidden: Sequence[str]) -> list[str]:
 
 
 def _require_text(words: Sequence[str]) -> None:
-    """A path in bytes that are no text could be opened, but not written into a result that others can
-    read."""
+    """A path in bytes that are no text could be opened, but not written into a result for others to read."""
     for before, word in zip(("", *words), words):
         if not word.strip() and not before.startswith("--"):  # as "$UNSET": as a path it would be the folder
             raise InputError(f"argument {word!r}: is empty, expected a name or a file")

@@ -138,8 +138,7 @@ def _framed(robot: Robot, data: Dataset) -> Robot:
 
 def _execute(name: str, model: Robot, drawn: Robot, virtual: VirtualRobot, path: PlannedPath,
              threads: int) -> _Round:
-    """Plans with `model` so that its target follows the path of the drawing's target, and executes it for
-    real."""
+    """Plans with `model` so that its target follows the path of the drawing's, and executes it for real."""
     desired = path.reference()
     here, there = base_in_device(model.base, model.controller), base_in_device(drawn.base, drawn.controller)
     turn = here.rotation.T @ there.rotation

@@ -147,8 +147,7 @@ def _write_robot(robot: Robot, asked: Asked, made: str, folder: OutputFolder) ->
 
 
 def _require_readable(read: Callable[[Path], Robot], path: Path) -> None:
-    """A run is done when our own reader takes what it wrote: a negative mass fits data, but no robot has
-    one."""
+    """A run is done when our own reader takes what it wrote: the best fit may have a negative mass."""
     try:
         read(path)
     except InputError as error:

@@ -164,8 +164,7 @@ def _check_load_or_temperature(name: str, file: str) -> None:
 
 
 def _misspelt(name: str) -> str | None:
-    """The joint's quantity that a name with axis and unit of one almost spells: thta_2_rad is no
-    covariate."""
+    """The joint's quantity that a name with axis and unit nearly spells: thta_2_rad is no covariate."""
     match = re.fullmatch(rf"([a-z_]+)_(\d+)_({'|'.join(_ALL_UNITS)})", name, flags=re.IGNORECASE)
     if match is None:
         return None

@@ -132,8 +132,7 @@ def read_named_targets(
 def read_joint_log(
     path: str | Path, robot: Robot, columns: Mapping[str, str] | None = None, text: Sequence[str] = ()
 ) -> tuple[Dataset, dict[str, list[str]]]:
-    """Joint angles without measured positions, and the columns of text that are named in `text`, by our
-    names."""
+    """Joint angles without measured positions, and the columns of text named in `text`, by our names."""
     file = _read_file(str(path), robot, columns, text)
     data = replace(_join([file], robot), kind=POSES.name, kinds=(POSES.name,))
     if data.position is not None:
@@ -254,8 +253,7 @@ def _read_file(
 
 # -- all files ---------------------------------------------------------------------------------------
 def _check_files(files: Sequence[_File]) -> None:
-    """No file twice; and a quantity that only some files have could be neither used nor dropped without a
-    word."""
+    """No file twice; a quantity that only some files have could not be used, nor dropped without a word."""
     numbering: set[tuple[str, int | None] | str] = {("session", None), ("run", None), ("visit", None)}
     partner = {key for file in files for key in file.columns if key[0] == PARTNER}
     if partner or any((name, None) in file.columns for file in files
@@ -351,8 +349,7 @@ def _rotation(files: Sequence[_File],
 
 
 def _shared_numbers(files: Sequence[_File], quantity: str) -> np.ndarray:
-    """Numbers that mean the same in every file that has the column; a file without it gets a number of its
-    own."""
+    """Numbers that mean the same in every file that has the column; a file without it gets one of its own."""
     used = [numbers.astype(int) for file in files if (numbers := file.get(quantity)) is not None]
     free = max((int(numbers.max()) for numbers in used), default=0)
     out = []

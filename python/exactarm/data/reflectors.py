@@ -91,8 +91,7 @@ def plate_poses(points: np.ndarray, path: str, column: str) -> tuple[np.ndarray,
 
 
 def _laid_over(shape: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rotations (N, 3, 3) that bring the shape (k, 3) closest to points (N, k, 3), about their centres
-    (N, 3)."""
+    """Rotations (N, 3, 3) that bring the shape (k, 3) closest to points (N, k, 3), about centres (N, 3)."""
     centre = points.mean(axis=1)
     return nearest(np.einsum("nki,kj->nij", points - centre[:, None], shape - shape.mean(axis=0))), centre
 

@@ -17,8 +17,7 @@ Data = TypeVar("Data", bound=Rows)
 
 
 def with_sensors(data: Data) -> Data:
-    """The rows with `contacts` of what a sensor on the flange or a camera has measured, or another arm
-    touched."""
+    """The rows with `contacts` of what a flange's sensor or a camera has measured, or another arm touched."""
     return _with_gravity_sensor(_with_partner(_with_camera(data)))
 
 

@@ -69,8 +69,7 @@ class Frames(Effect):
         return base, replace(tool, rotation=exp(v[9:12])) if len(v) == 12 else tool
 
     def in_frames_of(self, controller):
-        """base C^-1 and F^-1 tool: of the controller's base in the device's frame, of the target on its
-        flange."""
+        """base C^-1 and F^-1 tool: the controller's base in the device's frame, the target on its flange."""
         v, slope = np.asarray(self.values), np.eye(len(self.values))
         if not apart(controller):
             return v, slope

@@ -73,8 +73,7 @@ def tilt(alpha: float, beta: float) -> np.ndarray:
 
 
 def aligning_angles(axis: np.ndarray) -> tuple[float, float]:
-    """alpha, beta of (3.3) in closed form: the turns that bring the direction `axis` (3,) of the sensor onto
-    z."""
+    """alpha, beta of (3.3) in closed form: turns that bring the sensor's direction `axis` (3,) onto z."""
     x, y, z = axis / np.linalg.norm(axis)
     beta = np.arctan2(-x, z)
     return float(np.arctan2(y, np.hypot(x, z))), float(beta)

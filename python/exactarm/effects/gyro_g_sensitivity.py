@@ -74,8 +74,7 @@ class GyroGSensitivity(Effect):
 
 
 def shown_components(force: np.ndarray) -> tuple[int, ...]:
-    """Components of a force (N, 3) that vary by themselves, the strongest first to be taken; numbers from 0,
-    rising."""
+    """Components of a force (N, 3) that vary by themselves, the strongest taken first; from 0, rising."""
     left, found = force - force.mean(axis=0) if len(force) else force, []
     while len(left):
         sizes = np.sqrt(np.mean(left**2, axis=0))

@@ -157,8 +157,7 @@ class HarmonicFamily(Effect):
             yield replace(self, values=(order,) + (0.0, 0.0) * (self.multiples + 1), search=(order,))
 
     def companions(self) -> Iterable[Effect]:
-        """The overtone of one wave, wherever it lies: a wave generator has it at four times the motor's
-        turn."""
+        """The overtone of one wave, wherever it lies: a wave generator's at four times the motor's turn."""
         if self.curve_rad == 0.0 and self.multiples == 1:
             yield self.zero(self.joint, (2.0 * self.values[0],))
 

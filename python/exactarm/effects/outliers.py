@@ -61,8 +61,7 @@ class Outliers(Effect):
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
-        """None where the wrong rows lie together, in the order of measurement or in space: that is a
-        structure."""
+        """None where the wrong rows lie together, in measuring order or in space: that is a structure."""
         if view.data.position is None or "measured" not in view.signals:
             return ()
         residual = view.data.position - view.measured

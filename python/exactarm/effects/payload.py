@@ -26,8 +26,7 @@ _SYMMETRIC = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # the order of th
 
 @dataclass(frozen=True)
 class Payload(Effect):
-    """Mass (kg) and first moment (kg m, DH frame n) of what the flange carries beside the declared
-    links."""
+    """Mass (kg) and first moment (kg m, DH frame n) of what the flange carries beside the declared links."""
 
     name = "payload"
     plain = "a payload that is not as declared"

@@ -35,8 +35,7 @@ class StepInOrder(Effect):
         raise NotImplementedError
 
     def shape(self, view) -> np.ndarray:
-        """(N, 6, k) what a unit of each size does to position and orientation of the target, wherever it
-        acts."""
+        """(N, 6, k) what a unit of each size does to position and orientation of the target where it acts."""
         raise NotImplementedError
 
     def parameters(self) -> tuple[Parameter, ...]:

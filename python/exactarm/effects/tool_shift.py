@@ -26,8 +26,7 @@ from exactarm.effects.tracker_step import shift_and_turn, size_in_words
 
 @dataclass(frozen=True)
 class ToolShift(StepInOrder):
-    """Shift of the target in DH frame n, with `turn` its rotation too; of one `session`, after `after` on
-    `driver`."""
+    """Shift of the target in DH frame n, with `turn` its rotation too; in `session`, after `after`."""
 
     turn: bool = False
 

@@ -56,8 +56,7 @@ def fits_shape(value: Any, shape: tuple[int | None, ...]) -> bool:
 
 
 def _check(tables: dict[str, Any], path: str | Path, expected: str) -> None:
-    """Depth and whole numbers, without recursion: what comes from outside must not choose how deep we
-    call."""
+    """Depth and whole numbers, without recursion: what comes from outside must not choose our depth."""
     todo: list[tuple[Any, int]] = [(tables, 0)]
     while todo:
         value, depth = todo.pop()

@@ -82,8 +82,7 @@ class Motion:
         return np.array([np.sqrt(np.mean(columns[:, -3] ** 2)) for columns in self.columns])
 
     def at(self, speed: float) -> Motion:
-        """The same path `speed` times as fast: what moves the links goes with the square, what holds them
-        does not."""
+        """The same path `speed` times as fast: what moves links goes with the square, what holds them not."""
         other = replace(self, rate=speed * self.rate, acceleration=speed**2 * self.acceleration, clock=speed)
         other.__dict__["links"] = self._links_held + speed**2 * (self.links - self._links_held)
         return other

@@ -66,8 +66,7 @@ def _of_encoders(robot: Robot, data: Dataset) -> list[Suspicion]:
 
 
 def _off(robot: Robot, data: Dataset, axis: int) -> tuple[np.ndarray, str]:
-    """Rows in which the two sides of the gear do not follow its ratio; and where that is, if not in all
-    runs."""
+    """Rows in which the sides of the gear do not follow its ratio; and where that is, if not in all runs."""
     theta, q = data.joints["theta"][:, axis], data.joints["q"][:, axis]
     rows = rows_of_runs(data)
     spans = [min(np.ptp(theta[each] / robot.ratios[axis]), np.ptp(q[each])) for each in rows]

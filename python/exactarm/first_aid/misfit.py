@@ -31,8 +31,7 @@ class Misfit:
     orientation: float = np.nan
 
     def shares(self, other: Misfit) -> tuple[float, float]:
-        """How many times smaller the other is, in position and in orientation (1 where there is nothing to
-        compare)."""
+        """How many times smaller the other is, in position and in orientation (1: nothing to compare)."""
         position = self.position / max(other.position, 1e-12)
         if not (np.isfinite(self.orientation) and np.isfinite(other.orientation)):
             return position, 1.0

@@ -88,8 +88,7 @@ def is_measured_whole(data: Dataset) -> bool:
 
 
 def fall(now: Explained, other: Explained) -> float:
-    """How many times smaller the share of the axis that gains most would be; 0 where the other is no better
-    explanation."""
+    """How many times smaller the share of the axis that gains most would be; 0: no better explanation."""
     falls = now.shares / np.maximum(other.shares, 1e-9)
     most, product = float(falls.max()), float(np.prod(falls))
     drives = np.sum(other.friction < -_CERTAIN_FRICTION) > np.sum(now.friction < -_CERTAIN_FRICTION)
@@ -188,8 +187,7 @@ def _other_clock(model: Model, samples: MotionSamples, now: Explained) -> Iterat
 
 
 def _scaled_time(model: Model, samples: MotionSamples, now: Explained) -> Iterator[Rival]:
-    """All times too long or too short: masses hold against gravity and against acceleration, in
-    proportion."""
+    """All times too long or too short: masses hold against gravity and acceleration in proportion."""
     @cache
     def at(k: float) -> Explained:
         return model(replace(samples, motion=samples.motion.at(k)))

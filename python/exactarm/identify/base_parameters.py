@@ -90,8 +90,7 @@ def _preference(n: int) -> list[int]:
 
 
 def _independent(matrix: np.ndarray, order: list[int]) -> tuple[list[int], list[int], list[int]]:
-    """(kept, dropped, zero) columns, each sorted; a column is dropped when those before it in `order` make it
-    up."""
+    """(kept, dropped, zero) columns, each sorted; dropped: those before it in `order` make it up."""
     size = np.linalg.norm(matrix, axis=0)
     largest = size.max()
     basis = np.zeros((matrix.shape[0], 0))

@@ -260,8 +260,7 @@ def _pseudo_inverse(matrix: np.ndarray) -> np.ndarray:
 
 
 def _finished(fit, prediction, sigma, keep, worth, weight, pull, tail, settled) -> Fit:
-    """The fit with the covariance of the M-estimator and a check of convergence beside
-    the solver's own."""
+    """The fit with the covariance of the M-estimator and a check of convergence beside the solver's own."""
     used = prediction.used & (keep > 0)[:, None]
     square, count = _squares(prediction.residual / sigma, used)
     psi = (keep * weight**2)[:, None] * prediction.residual / sigma * used

@@ -122,8 +122,7 @@ def declare_closures(
     robot: Robot, data: Dataset, compliance: tuple[int, ...] | None = (), seed: int = 0, threads: int = 1,
     sessions: tuple[int, ...] = (), carried: Layout | None = None,
 ) -> DeclaredClosures:
-    """The declared model fitted to all rows of `data` (one device a row); `sessions`: those that share the
-    tool too."""
+    """The declared model fitted to all rows of `data` (one device a row); `sessions` share the tool too."""
     require_geometry(robot)
     carried = carried_effects(robot, data) if carried is None else carried
     nominal = nominal_closures(robot, data, carried, seed, threads, sessions or sessions_of(data))
@@ -214,8 +213,7 @@ def _another_robot(robot: Robot, data: Dataset, missed: float) -> InputError:
 
 
 def closure_errors(robot: Robot, layout: Layout, data: Dataset, threads: int = 1) -> ClosurePrediction:
-    """Prediction of any rows; contacts that the layout does not have are fitted to the rows themselves,
-    nothing else is."""
+    """Prediction of any rows; contacts that the layout lacks are fitted to them, nothing else is."""
     complete = with_contacts(robot, layout.held, data, threads)
     if complete.size:
         complete = fit_closures(robot, complete, data, Pulls(), threads=threads).layout
@@ -289,8 +287,7 @@ def carried_effects(robot: Robot, data: Dataset) -> Layout:
 
 
 def updated_robot(robot: Robot, data: Dataset, fit: ClosureFit) -> Robot:
-    """The robot with the estimates in its tables and the tool of the first session; the base stays as
-    declared."""
+    """The robot with the estimates in its tables and the first session's tool; the base stays as declared."""
     result = calibrated_robot(robot, data, fit.layout, fit.fit)
     tool = robot.tool
     for effect in fit.layout.effects:
@@ -305,8 +302,7 @@ def sessions_of(data: Dataset) -> tuple[int, ...]:
 
 
 def _with_tools_apart(setup: Layout, data: Dataset) -> Layout | None:
-    """The same with a tool for each session of `data`, others with the first; None where there is only
-    one."""
+    """The same with a tool for each session of `data`, others with the first; None if there is one only."""
     at = next((i for i, e in enumerate(setup.effects) if isinstance(e, Target) and setup.free[i].any()), None)
     if at is None:
         return None

@@ -51,8 +51,7 @@ def move_alike(name: ParameterId, partners: Sequence[ParameterId], arm: Arm | No
 
 def hardly_differ(name: ParameterId, partners: Sequence[ParameterId], arm: Arm | None, uncertainty: float,
                   plausible: float) -> str:
-    """The sentence for a parameter that the noise hides: its standard deviation beside its plausible
-    magnitude."""
+    """The sentence for a parameter that the noise hides: its standard deviation and plausible magnitude."""
     unit = f" {name.unit}" if name.unit else ""
     text = (f"{name} is lost in the noise: known to {uncertainty:.2g}{unit} only, plausible is "
             f"{plausible:.2g}{unit}")

@@ -211,8 +211,7 @@ def _objective(A, right, blocks, z, weight) -> float:
 
 def _at(fit: MotionFit, effects: tuple[Effect, ...], robot: Robot, record: MotionRecord,
         threads: int) -> MotionFit:
-    """The fit in the robot with bodies: the same free parameters, at the values of its tables and of
-    `effects`."""
+    """The fit in the robot with bodies: the same free parameters, at the values of tables and `effects`."""
     layout = Layout(tuple(e.from_tables(robot) for e in effects), fit.layout.free)
     x = layout.values
     lower, upper = (np.array([getattr(p, side) for p in layout.parameters]) for side in ("lower", "upper"))

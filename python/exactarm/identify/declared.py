@@ -60,8 +60,7 @@ def _require_values(robot: Robot, layout: Layout, data: Dataset) -> None:
 
 
 def all_effects(robot: Robot, data: Dataset, layout: Layout, kind: str = POSES.name) -> tuple[Effect, ...]:
-    """The effects of the robot file that had no part in this data, and those of `layout` beyond the declared
-    model."""
+    """The robot file's effects that had no part in this data, and those of `layout` that are not declared."""
     carried = carried_layout(robot, data, kind).effects
     apart = tuple(effect for effect in robot.effects if effect not in carried)
     return apart + tuple(effect for effect in layout.effects if not effect.declared)
@@ -107,8 +106,7 @@ def frames_layout(robot: Robot, data: Dataset, *, orientation: bool,
 
 
 def geometry_layout(robot: Robot) -> Layout:
-    """mDH parameters, joint offsets and the gear ratios that are re-identified, as they stand in the
-    tables."""
+    """mDH parameters, joint offsets and the gear ratios to re-identify, as they stand in the tables."""
     axes = range(robot.axes)
     geometry = tuple(Geometry.of(robot, i) for i in axes)
     offsets = tuple(JointOffset.of(robot, i) for i in axes)

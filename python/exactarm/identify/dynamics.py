@@ -57,8 +57,7 @@ CONSISTENT = "masses that a body can have"
 
 @dataclass(frozen=True)
 class DynamicsOptions:
-    """share: of the rows, for fitting, where the data do not say; inertial: identify masses, not friction
-    alone."""
+    """share: of the rows, for fitting, where the data do not say; inertial: masses, not friction alone."""
 
     bandwidth_hz: float | None = None
     share: float = 0.7
@@ -90,8 +89,7 @@ class DynamicsIdentification:
 
 def identify_dynamics(robot: Robot, data: Dataset, options: DynamicsOptions = DynamicsOptions(),
                       progress: Callable[[str], None] = lambda text: None) -> DynamicsIdentification:
-    """Identifies on one part of `data`, judges on the other. Raises InputError where the data cannot support
-    it."""
+    """Identifies on one part of `data`, judges on the rest; raises InputError where these do not suffice."""
     require_geometry(robot)
     identification = data.split(options.seed, options.share)
     start = with_links(robot) if options.inertial else with_declared_masses(robot)
@@ -136,8 +134,7 @@ def identify_dynamics(robot: Robot, data: Dataset, options: DynamicsOptions = Dy
 
 
 def with_links(robot: Robot) -> Robot:
-    """The robot with masses in its tables: its own, or equal ones at the frames' origins where none are
-    declared."""
+    """The robot with masses in its tables: its own, else equal ones at the frames' origins."""
     if robot.links is not None and not robot.generic_masses:
         return robot
     link = Link(_BOOKKEEPING_MASS_KG, np.zeros(3), np.zeros((3, 3)))

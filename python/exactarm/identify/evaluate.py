@@ -101,8 +101,7 @@ def _of_positions(robot: Robot, data: Dataset, residual: np.ndarray,
 
 
 def evaluate_closures(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1) -> Evaluation:
-    """The distance of every touch from its contact; contacts and tool are fitted, without the known
-    lengths."""
+    """The distance of each touch from its contact; contacts and tool are fitted, without known lengths."""
     rows = touches(data)
     fit = nominal_closures(robot, rows, carried_effects(robot, rows), seed, threads)
     residual = fit.prediction.seen

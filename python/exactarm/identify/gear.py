@@ -42,8 +42,7 @@ _SAME_SPEED = 0.1  # runs whose speeds differ by less than this share count as o
 
 @dataclass(frozen=True)
 class HeldOut:
-    """RMS of the kinematic error on the rows of one set, direction and speed (rad/s at the output), by
-    method."""
+    """RMS of the kinematic error on rows of one set, direction and speed (rad/s at the output), by method."""
 
     joint: int
     side: str
@@ -280,8 +279,7 @@ def _left_out(data: Dataset, record) -> Iterator[str]:
 
 
 def _remaining(gears: list[Gear]):
-    """What the validation rows say beside their RMS: rows outside the fitted range, and errors far above the
-    noise."""
+    """What validation rows say beside their RMS: rows outside the fitted range, errors above the noise."""
     outside, loud = [], []
     for gear in gears:
         samples, profile = gear.samples, gear.estimate.profiles[gear.side]

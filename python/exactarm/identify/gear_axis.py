@@ -158,8 +158,7 @@ def _profiles(samples, fitted, ratio: Ratio) -> dict[str, AngleProfile]:
 
 def _ratio(samples: GearSamples, fitted: np.ndarray, tables: dict[str, Table], scale: float,
            lowest: float) -> tuple[Ratio, dict[str, Table]]:
-    """The ratio at fixed harmonics, and the tables with their run-outs below the order `lowest` as they are
-    beside it."""
+    """The ratio at fixed harmonics, and the tables with the run-outs below the order `lowest` beside it."""
     shape = np.ones(samples.rate.size)
     error = np.zeros(samples.rate.size)
     below = RUN_OUT[RUN_OUT < lowest]

@@ -55,8 +55,7 @@ def sensor_layout(
 
 def alignments(robot: Robot, data: Dataset, record: GearRecord,
                chosen: np.ndarray | None = None) -> list[GyroAlignment]:
-    """Closed form of (3.3): the direction of the reading, weighted with the motor's rate (so with its sign),
-    onto z."""
+    """Closed form of (3.3): the reading's direction, weighted with the motor's (signed) rate, onto z."""
     sensor_axis = record.sensor_axis
     usable = np.ones(len(data), bool) if chosen is None else chosen
     found = []

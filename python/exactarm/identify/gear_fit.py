@@ -23,8 +23,7 @@ _TOLERANCE = 1e-8  # relative fall of the square sum that ends a fit
 
 @dataclass(frozen=True)
 class GearFit:
-    """The layout at its estimate, the fit, the standard deviation (m,) of each component, the last
-    prediction."""
+    """The layout at its estimate, the fit, the standard deviation (m,) by component, the last prediction."""
 
     robot: Robot
     layout: Layout
@@ -40,8 +39,7 @@ class GearFit:
 def fit_gear_runs(robot: Robot, layout: Layout, data: Dataset, *, record: GearRecord | None = None,
                   weights: np.ndarray | None = None, drift: DriftingNoise | None = None,
                   threads: int = 1) -> GearFit:
-    """Estimates the free parameters of `layout`; `weights` (N,) per row, 0 leaves it out; `drift`: of the
-    noise."""
+    """Estimates the free parameters of `layout`; weights (N,) per row, 0: left out; drift: of the noise."""
     record = gear_record(robot, data) if record is None else record
     used = record.keep.astype(float) if weights is None else record.keep * weights
     white = (lambda values: values) if drift is None else drift.white

@@ -292,8 +292,7 @@ def _refine(profiles, found: Found, band, rounds: int = 5) -> Found:
 
 
 def _projected(profiles, found: Found) -> tuple[np.ndarray, np.ndarray]:
-    """Normal matrix (m, m) and gradient (m,) of the orders with all coefficients eliminated (Schur's
-    complement)."""
+    """Normal matrix (m, m) and gradient (m,) of the orders, coefficients eliminated (Schur's complement)."""
     m = found.orders.size
     normal, gradient = np.zeros((m, m)), np.zeros(m)
     own, order = slice(0, 2 * m + 1), slice(2 * m + 1, None)

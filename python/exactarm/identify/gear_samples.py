@@ -83,8 +83,7 @@ class GearSamples:
 def gear_samples(
     robot: Robot, data: Dataset, record: GearRecord, axis: int, identification: np.ndarray, threads: int = 1
 ) -> tuple[GearSamples, Layout]:
-    """Samples of one axis, and the set-up (alignment or offsets) that was found on the identification
-    rows."""
+    """Samples of one axis, and the set-up (alignment or offsets) as found on the identification rows."""
     here = np.ones(len(data), bool) if record.encoder_axes else record.sensor_axis == axis
     rows = np.flatnonzero(here)
     plain = robot.with_joint(axis, cw=None, ccw=None)  # of a constant ratio

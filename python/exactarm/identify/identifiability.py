@@ -163,8 +163,7 @@ def _participants(share: np.ndarray, columns: list[int], least: float) -> list[i
 
 
 def _above_noise(unit, length, kept, sigma, plausible, count):
-    """Drops, one by one, what the noise hides. Returns kept, [(dropped, partners, deviation)], deviations
-    (P,)."""
+    """Drops, one by one, what the noise hides: kept, [(dropped, partners, deviation)], deviations (P,)."""
     size = np.full(count, np.inf) if plausible is None else np.asarray(plausible, float)
     kept, hidden = list(kept), []
     deviations = np.full(count, np.nan)
@@ -184,8 +183,7 @@ def _above_noise(unit, length, kept, sigma, plausible, count):
 
 
 def _weakest(unit, length, kept, size, excess) -> tuple[int, list[int]]:
-    """Of the weakest direction (in plausible magnitudes) the hidden parameter last in the order, and its
-    partners."""
+    """Of the weakest direction (in plausible magnitudes) the last hidden parameter, and its partners."""
     finite = np.where(np.isfinite(size[kept]), size[kept], 1.0)
     direction = np.abs(np.linalg.svd(unit[:, kept] * (length[kept] * finite), full_matrices=False)[2][-1])
     part = direction > _WEAK_SHARE * direction.max()

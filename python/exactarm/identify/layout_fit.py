@@ -29,8 +29,7 @@ _LEAST_FREE_SHARE = 0.1  # of the numbers that is left for the noise, however ma
 
 @dataclass(frozen=True)
 class LayoutFit:
-    """The layout at its estimate, the fit, and the standard deviation (m,) of each component of an
-    independent row."""
+    """The layout at its estimate, the fit, the standard deviation (m,) of an independent row's numbers."""
 
     layout: Layout
     fit: Fit

@@ -29,8 +29,7 @@ class Mismatch(InputError):
 
 def require_match(robot: Robot, data: Dataset, found: list[tuple[int, FoundFrames]], carried: Layout,
                   seed: int = DEFAULT_SEED) -> None:
-    """Raises Mismatch where the robot cannot have moved the target as measured; `found`: frames by
-    session."""
+    """Raises Mismatch where the robot cannot have moved the target so; `found`: frames by session."""
     for session, frames in found:
         if frames.rms > WORST_SHARE * reach(robot):
             refusal = (

@@ -47,8 +47,7 @@ class MotionFit:
 
 def fit_motion(robot: Robot, layout: Layout, record: MotionRecord, *, weights: np.ndarray | None = None,
                sigma: np.ndarray | None = None, threads: int = 1) -> MotionFit:
-    """Estimates the free parameters of `layout` on the rows of `record` (weights (N,) per row, 0 leaves it
-    out)."""
+    """Estimates the free parameters of `layout` on the rows of `record`; weights (N,), 0 leaves one out."""
     axes = record.measured_axes
     weight = record.keep.astype(float) * (1.0 if weights is None else weights)
     rows = np.flatnonzero(weight)

@@ -48,8 +48,7 @@ def observability(singular_values: np.ndarray, poses: int) -> Observability:
 
 
 def column_scale(names: Sequence[ParameterId], plausible: Sequence[float] | None = None) -> np.ndarray:
-    """(P,) factor of every column: 1 for lengths and angles, 1000 times the plausible magnitude for all
-    else."""
+    """(P,) factor of every column: 1 for lengths and angles, else 1000 times the plausible magnitude."""
     if plausible is None:
         return np.ones(len(names))
     pairs = zip(names, plausible)

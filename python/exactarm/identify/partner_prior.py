@@ -54,8 +54,7 @@ def prior_of(robot: Robot, drawn: bool = False) -> tuple[Layout, np.ndarray]:
 
 
 def with_open_partner(layout: Layout, drawn: bool = False) -> Layout:
-    """The layout with the deviations of a partner free, as its file leaves them open; drawn: as a drawing
-    does."""
+    """The layout with a partner's deviations free, as its file leaves them open; drawn: as a drawing does."""
     opened = lambda effect: effect.open_to(*prior_of(effect.declared_as.robot, drawn))
     effects = [opened(effect) if isinstance(effect, Partner) else effect for effect in layout.effects]
     free = [np.ones(len(new.parameters()), bool) if isinstance(new, Partner) else mask
@@ -64,8 +63,7 @@ def with_open_partner(layout: Layout, drawn: bool = False) -> Layout:
 
 
 def known_of_partner(layout: Layout) -> set[str]:
-    """Names of the deviations that a calibration leaves open of a partner: too small to take a parameter's
-    place."""
+    """Names of the deviations that a partner's calibration leaves: too small to take a parameter's place."""
     return {effect.parameter_label(parameter) for effect in layout.effects
             if isinstance(effect, Partner) and calibrated(effect.declared_as.robot)
             for parameter in effect.parameters()[FRAMES:]}

@@ -36,8 +36,7 @@ class PlannedModel:
 
     @staticmethod
     def of(robot: Robot, q: np.ndarray, frames: str = "both", orientation: bool = False) -> PlannedModel:
-        """The model to plan for; `q` (N, n): poses that tell which joints are loaded. `frames`: which are
-        unknown."""
+        """The model to plan for; q (N, n): poses that tell the loaded joints; frames: which are unknown."""
         require_geometry(robot)
         placed = Frames.of(1, Placement(), robot.tool, orientation)
         unknown = tuple(name for name in placed.names if frames == "both" or name.startswith(frames))

@@ -66,8 +66,7 @@ def pose_uncertainty(
     robot: Robot, frames: Layout, data: Dataset, residual: np.ndarray, poses: Dataset, seed: int,
     threads: int = 1
 ) -> PoseUncertainty:
-    """frames: as fitted to `data`, whose `residual` (N, 3) is measured minus predicted; poses: to be
-    judged."""
+    """frames: as fitted to `data`; `residual` (N, 3): measured minus predicted; poses: to be judged."""
     judged, own = _judged(robot, data, seed)
     if len(judged) < LEAST_ROWS:
         raise InputError(f"{len(judged)} rows that were never fitted; expected at least {LEAST_ROWS} for an "

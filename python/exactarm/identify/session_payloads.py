@@ -50,8 +50,7 @@ def payload_layout_of_motion(train: Dataset, masses_estimated: bool) -> Layout:
 
 @dataclass(frozen=True)
 class EstimatedPayload:
-    """mass in kg with its 95 % interval, centre (3,) m in the controller's flange frame; estimated: not as
-    declared."""
+    """mass kg with its 95 % interval, centre (3,) m in the controller's flange frame; estimated: or given."""
 
     session: int
     mass: float

@@ -46,8 +46,7 @@ def render_html(report: Report, drawings: Sequence[Drawing] = ()) -> str:
 
 
 def render_verdict_html(report: Report) -> str:
-    """Title, verdict, the numbers that matter most and the first table, as a piece of a page (for
-    notebooks)."""
+    """Title, verdict, the main numbers and the first table, as a piece of a page (for notebooks)."""
     parts = [Markup("<p><strong>{}</strong><br>{}</p>").format(report.title, report.verdict)]
     for section in report.sections:
         if isinstance(section, Highlights):

@@ -112,8 +112,7 @@ def quantities(values: Sequence[float | None], unit: str = "") -> list[str]:
 
 
 def change(before: float, after: float, unit: str = "") -> str:
-    """What an error did, for sentences: "falls from 1.93 mm to 0.378 mm", "rises from ...", "stays at 0.378
-    mm"."""
+    """What an error did, for sentences: "falls from 1.93 mm to 0.378 mm", "rises ...", "stays at ..."."""
     if not abs(after - before) > _UNCHANGED * before:
         return f"stays at {quantity(after, unit)}"
     was, now = quantities([before, after], unit)

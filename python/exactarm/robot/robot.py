@@ -34,8 +34,7 @@ Frame = Literal["base", "device"]
 
 @dataclass(frozen=True, eq=False)
 class GearTable(Value):
-    """Harmonics of u(phi) in one direction: order [cycles per output revolution], a, b (relative), each
-    (m,)."""
+    """Harmonics of u(phi) in one direction: order [cycles per output turn], a, b (relative), each (m,)."""
 
     order: np.ndarray = field(default_factory=lambda: np.zeros(0))
     a: np.ndarray = field(default_factory=lambda: np.zeros(0))
@@ -228,8 +227,7 @@ class Robot(Value):
 
     @property
     def with_controller_frames(self) -> Robot:
-        """The same with its frames on record as the controller's, unless others are: to be kept before they
-        change."""
+        """The same with its frames kept as the controller's, unless others are: before they change."""
         if self.controller.frames or not self.has_geometry:
             return self
         return replace(self, controller=replace(self.controller, frames=tuple(map(frame_of, self.joints))))
@@ -355,8 +353,7 @@ _provided: list[Callable[[], ReportedAngles]] = []
 
 
 def provide(source: Callable[[], ReportedAngles]) -> None:
-    """Called once, by a module above the chain (robot_file.py); `source` imports what it gives when it is
-    called."""
+    """Called once, by a module above the chain (robot_file.py); `source` imports when it is called."""
     _provided.append(source)
 
 

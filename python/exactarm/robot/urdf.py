@@ -222,8 +222,7 @@ def _origin(placement: Placement) -> str:
 
 
 def roll_pitch_yaw(rotation: np.ndarray) -> tuple[float, float, float]:
-    """Angles with Rot_z(yaw) Rot_y(pitch) Rot_x(roll) = rotation, to rounding also where pitch is +-90
-    degrees."""
+    """Angles with Rot_z(yaw) Rot_y(pitch) Rot_x(roll) = rotation, to rounding also at pitch +-90 degrees."""
     yaw = np.arctan2(rotation[1, 0], rotation[0, 0])
     # The other two are taken from what yaw leaves, so an arbitrary yaw at +-90 degrees costs no accuracy.
     rest = rotation_z(yaw).T @ rotation

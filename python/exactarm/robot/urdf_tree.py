@@ -49,8 +49,7 @@ class UrdfTree:
     inertials: dict[str, Link]
 
     def chain(self, base: str | None = None, tip: str | None = None) -> tuple[UrdfJoint, ...]:
-        """The joints from `base` to `tip`, by themselves the root and the end of the only chain that
-        moves."""
+        """The joints from `base` to `tip`; by default the root and the end of the only chain that moves."""
         for given in (base, tip):
             if given is not None and given not in self.children:
                 raise InputError(f"no link {given!r}; expected one of {_listed(self.children)}",
@@ -107,8 +106,7 @@ class UrdfTree:
         return [joint.child for joint in self._below(link) if not self.children[joint.child]] or [link]
 
     def _below(self, link: str) -> list[UrdfJoint]:
-        """All joints below `link`, depth first in the order of the file; without recursion, for a chain may
-        be long."""
+        """All joints below `link`, depth first in the file's order; a chain may be too long for recursion."""
         found, todo = [], list(reversed(self.children[link]))
         while todo:
             joint = todo.pop()

@@ -36,8 +36,7 @@ def kind_of(name: str) -> Kind:
 
 
 def data_kinds(data: Rows, robot: Robot, name: str | None = None) -> dict[str, Any]:
-    """`kind`, `kinds`, `session` and `notes` of a data set; raises InputError where the columns do not admit
-    one."""
+    """`kind`, `kinds`, `session`, `notes` of a data set; raises InputError where the columns admit none."""
     if name is not None and name not in _BY_NAME:
         raise InputError(f"unknown kind of data {name!r}; expected one of {', '.join(KIND_NAMES)}")
     kinds = (_BY_NAME[name],) if name is not None else _from_columns(data)

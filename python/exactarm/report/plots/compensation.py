@@ -27,8 +27,7 @@ ROUND = np.array([1.0, 2.0, 5.0, 10.0])
 
 
 def shift_view(points: np.ndarray, shifts: np.ndarray) -> Figure:
-    """Points (N, 3) m of the flange in the base frame; shifts (N, 3) m of their commands, drawn much
-    longer."""
+    """Points (N, 3) m of the flange in the base frame; shifts (N, 3) m of their commands, drawn longer."""
     every = -(-len(points) // MOST_DRAWN)
     drawn = np.unique([*range(0, len(points), every), int(np.argmax(np.linalg.norm(shifts, axis=1)))])
     points, shifts = points[drawn], shifts[drawn]

@@ -36,8 +36,7 @@ def curves_per_axis(x: np.ndarray, traces: Mapping[str, np.ndarray], *, unit: st
                     x_name: str = "time",
                     x_unit: str = "s", log_x: bool = False, log_y: bool = False,
                     colours: tuple[str, ...] = CYCLE) -> Figure:
-    """Traces label -> (N, n): one panel per axis of the robot, all with the same unit, each with its own
-    range."""
+    """Traces label -> (N, n): one panel per axis of the robot, all of one unit, each with its own range."""
     size, shown = scaled(np.concatenate([np.ravel(trace) for trace in traces.values()]), unit)
     count = next(iter(traces.values())).shape[1]
     largest = max(np.nanmax(np.abs(trace), initial=0.0) for trace in traces.values()) / size
@@ -71,8 +70,7 @@ def curves_per_axis(x: np.ndarray, traces: Mapping[str, np.ndarray], *, unit: st
 
 
 def envelope(x: np.ndarray, y: np.ndarray, most: int = MOST_POINTS) -> tuple[np.ndarray, np.ndarray]:
-    """The same curve with at most `most` points: of each block its lowest and highest point, in their
-    order."""
+    """The same curve with at most `most` points: of each block its lowest and highest, in their order."""
     x, y = np.asarray(x, float), np.asarray(y, float)
     if len(x) <= most:
         return x, y

@@ -154,8 +154,7 @@ def _curve(axes: Axes, panel: EffectPanel, x: np.ndarray, size: float) -> None:
 
 
 def contribution_bars(labels: Sequence[str], sizes_m: np.ndarray, left_m: float | None) -> Figure:
-    """What each effect does at the tool (k,) m, in micrometres, in the order given; a line for what is
-    left."""
+    """What each effect does at the tool (k,) m, in micrometres, as ordered; a line for what is left."""
     figure = new_figure(0.95 + 1.3 * ROW_IN * len(labels))
     axes = figure.subplots()
     rows, sizes = np.arange(len(labels))[::-1], 1e6 * np.asarray(sizes_m)

@@ -27,8 +27,7 @@ BINS = 24
 
 def residual_over_signal(signal: np.ndarray, before: np.ndarray, after: np.ndarray | None, *, unit: str,
                          name: str, signal_name: str, signal_unit: str = "") -> Figure:
-    """Signed residuals (N,) over a signal (N,), before and after side by side, with means of equal-count
-    bins."""
+    """Signed residuals (N,) over a signal (N,), before beside after, with means of equal-count bins."""
     size, shown = scaled(before, unit, after)
     x_size, x_shown = scaled(signal, signal_unit)
     figure = new_figure(3.5)
@@ -53,8 +52,7 @@ def residual_over_signal(signal: np.ndarray, before: np.ndarray, after: np.ndarr
 
 def binned_mean(signal: np.ndarray, values: np.ndarray,
                 bins: int = BINS) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Centre, mean and half width of its 95 % interval in bins of equal count; few distinct values: one bin
-    each."""
+    """Centre, mean, half width of its 95 % interval in bins of equal count; few values: one bin each."""
     distinct = np.unique(signal)
     if len(distinct) <= bins // 2:
         groups = [np.flatnonzero(signal == value) for value in distinct]

@@ -95,8 +95,7 @@ def on_one_panel(panel: Callable[[Axes], None], height: float = HEIGHT_IN) -> Fi
 
 
 class _Decades(LogFormatterSciNotation):
-    """Labels of a logarithmic axis as text, 10³ and 2×10⁻⁴: `text.parse_math` is off, and theirs are
-    formulae."""
+    """Labels of a logarithmic axis as text, 10³ and 2×10⁻⁴: `text.parse_math` is off, theirs are formulae."""
 
     def __call__(self, x: float, pos: int | None = None) -> str:
         found = re.search(r"mathdefault\{(?:(.*)\\times)?(-?)10\^\{(-?\d+)\}\}", super().__call__(x, pos))
@@ -120,8 +119,7 @@ def readable_decades(panels: Sequence[Axes]) -> None:
 
 
 def write_picture(picture: Figure, vector: Path, raster: Path) -> None:
-    """SVG and PNG from one layout, drawn once each: `savefig` would draw every one twice and lay it out
-    again."""
+    """SVG and PNG from one layout, drawn once each: `savefig` would draw and lay out each one twice."""
     readable_decades(picture.axes)
     picture.set_dpi(PNG_DOTS_PER_INCH)
     FigureCanvasAgg(picture).print_png(raster, metadata={"Software": None})
@@ -130,8 +128,7 @@ def write_picture(picture: Figure, vector: Path, raster: Path) -> None:
 
 
 def scaled(values: Sequence[float] | np.ndarray, unit: str, *others: np.ndarray | None) -> tuple[float, str]:
-    """Size and name of the unit that suits the largest of all arrays; angles that are large become
-    degrees."""
+    """Size and name of the unit that suits the largest of all arrays; large angles become degrees."""
     arrays = [np.ravel(np.asarray(array, dtype=float)) for array in (values, *others) if array is not None]
     numbers = np.concatenate(arrays) if arrays else np.zeros(0)
     finite = np.abs(numbers[np.isfinite(numbers)])

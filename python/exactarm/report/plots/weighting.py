@@ -128,8 +128,7 @@ def histories(time: np.ndarray, panels: Sequence[tuple[str, str, Mapping[str, np
 
 def path_in_space(desired: np.ndarray, calculated: np.ndarray, rotation: np.ndarray,
                   frames: int = 7) -> Figure:
-    """Desired and calculated positions (N, 3) m with the axes of the flange, rotation (N, 3, 3), at some of
-    them."""
+    """Desired and calculated positions (N, 3) m, at some with the flange's axes, rotation (N, 3, 3)."""
     figure = new_figure(5.0, 6.2)
     axes = figure.add_subplot(projection="3d")
     every = slice(None, None, max(1, len(desired) // MOST_POINTS))
