@@ -176,10 +176,9 @@ def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None
     stack = lambda k: np.concatenate([part[k] for part in parts])
     counts = np.cumsum([0] + [len(part[0]) for part in parts])
     sides = [direction_of_motion(part[6], part[1] / np.abs(robot.ratios)) for part in parts]
-    return MotionRecord(data=replace(data.select(kept), time=stack(6)),
-                        theta=stack(1), theta_dot=stack(2), theta_ddot=stack(3), torque=stack(4),
-                        direction=np.concatenate(sides), inside=stack(5),
-                        runs=tuple(np.arange(a, b) for a, b in zip(counts[:-1], counts[1:])),
+    return MotionRecord(data=replace(data.select(kept), time=stack(6)), theta=stack(1), theta_dot=stack(2),
+                        theta_ddot=stack(3), torque=stack(4), direction=np.concatenate(sides),
+                        inside=stack(5), runs=tuple(np.arange(a, b) for a, b in zip(counts[:-1], counts[1:])),
                         bandwidth_hz=bandwidth if filtered else None,
                         step=float(np.median([np.median(np.diff(part[6])) for part in parts])),
                         logged_step=float(np.median(steps)), dry=DryFriction.of(robot.axes),

@@ -26,8 +26,7 @@ def add_files(parser: argparse.ArgumentParser, least: int = 1,
     parser.add_argument("files", metavar="FILE", nargs="+" if least else "*", type=file_or_example, help=text,
                         **optional)
     if least and measured:
-        parser.add_argument("--kind", choices=KIND_NAMES,
-                            help="kind of data (default: told by the columns)")
+        parser.add_argument("--kind", choices=KIND_NAMES, help="kind of data (default: told by the columns)")
         add_map(parser)
 
 

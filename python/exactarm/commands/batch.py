@@ -120,8 +120,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
 
 
 def _fleet(manifest: AnyManifest, folder: Path, executor: Executor | None, again: bool, seed: int,
-           threads: int,
-           progress: Progress) -> CommandResult:
+           threads: int, progress: Progress) -> CommandResult:
     jobs = read_jobs(manifest, seed)
     waiting = [job for job in jobs if again or not _kept(job, folder)]
     outcomes = {job.name: _outcome(job, folder, "kept") for job in jobs if job not in waiting}
@@ -283,8 +282,7 @@ def _outcome(job: Job, folder: Path, state: str) -> Outcome:
     if after is None:
         after = (result.get("error") or {}).get("rms")
     return Outcome(job.name, job.command, job.robot, state, result.get("verdict", ""),
-                   result.get("unit", "m"),
-                   before, after, result["seconds"])
+                   result.get("unit", "m"), before, after, result["seconds"])
 
 
 def _rms(sets: Any) -> float | None:

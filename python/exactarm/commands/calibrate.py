@@ -69,9 +69,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def calibrate(robot: AnyRobot, data: AnyData, *, use: Literal["auto", "position", "pose"] = "auto",
               compliance: Sequence[int] | None = None, robust: bool | None = None, seed: int = DEFAULT_SEED,
-              threads: int | None = None,
-              kind: str | None = None, fixture: AnyFixture = None, sessions: str | Path | None = None,
-              progress: Progress = SILENT) -> CommandResult:
+              threads: int | None = None, kind: str | None = None, fixture: AnyFixture = None,
+              sessions: str | Path | None = None, progress: Progress = SILENT) -> CommandResult:
     """Identifies geometry, joint offsets, gear ratios and joint springs from measured poses or closures.
 
     use: positions alone, or orientations too ("auto": what was measured). compliance: axes from 1 whose

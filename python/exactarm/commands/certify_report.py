@@ -244,10 +244,8 @@ def _iso(iso: Iso9283) -> Table:
     if iso.poses:
         of = f"{len(iso.poses)} poses, {iso.visits} visits or more"
         for label, pick in (("largest", np.max), ("mean", np.mean)):
-            add(f"pose accuracy AP, {label}",
-                pick([t.accuracy_before for t in iso.poses]),
-                pick([t.accuracy_after for t in iso.poses]),
-                of)
+            add(f"pose accuracy AP, {label}", pick([t.accuracy_before for t in iso.poses]),
+                pick([t.accuracy_after for t in iso.poses]), of)
         largest = max(t.repeatability for t in iso.poses)
         add("pose repeatability RP, largest", largest, largest, of)
     if iso.directions:
@@ -262,8 +260,7 @@ def _iso(iso: Iso9283) -> Table:
                 pick(np.abs(iso.distances.after)), of)
         if iso.distances.repeatability is not None:
             add("distance repeatability RD, largest", iso.distances.repeatability,
-                iso.distances.repeatability,
-                f"{iso.distances.repeated} pairs of repeated poses")
+                iso.distances.repeatability, f"{iso.distances.repeated} pairs of repeated poses")
     note = (
         "In the terms of ISO 9283; poses, loads and speeds are those of the rows, not the standard's cube. "
         "AP and vAP: against the model, with base and tool frame fitted. RP, RD and dRP are the arm's own: "
@@ -313,8 +310,7 @@ def _budget(b: Budget) -> Table:
         f"held-out rows {100.0 * b.share_within:.1f} % do.")
     if not any(e.source == "instrument" for e in b.entries):
         note += " The instrument's own uncertainty was not given: what of it repeats is not in the budget."
-    return Table("Uncertainty (GUM)",
-                 ("source", "type", "u", "degrees of freedom", "share", "how"),
+    return Table("Uncertainty (GUM)", ("source", "type", "u", "degrees of freedom", "share", "how"),
                  tuple(rows), note, len(rows) - 1)
 
 

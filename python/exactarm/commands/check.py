@@ -246,8 +246,7 @@ def _report(robot: Robot, series: Daily, change: Alarms, found: Explanation, day
         last = len(series.labels) - 1
         base = "base" in (best.name, *found.apart)
         sections.append(after_check(found.unexplained < UNEXPLAINED, base, change.alarm == last))
-        rows = [(cause.name, name,
-                 Estimate(float(value), float(low), float(high), unit_of(name)),
+        rows = [(cause.name, name, Estimate(float(value), float(low), float(high), unit_of(name)),
                  f"{cause.probability:.3f}", series.labels[cause.first_day])
                 for cause in found.causes if _named(cause, found)
                 for name, value, (low, high) in zip(
@@ -277,6 +276,5 @@ def _report(robot: Robot, series: Daily, change: Alarms, found: Explanation, day
               "a sum of likelihood ratios over all first days and causes; while nothing moves it grows by "
               f"one a day on the mean, so that it passes {change.boundary:g} once in {days_per_year:g} days "
               "at the most.",))]
-    return Report(f"Check of {robot.name}",
-                  _sentence(series, change, found, days_per_year),
-                  tuple(sections), "bad" if moved else "good")
+    return Report(f"Check of {robot.name}", _sentence(series, change, found, days_per_year), tuple(sections),
+                  "bad" if moved else "good")

@@ -122,8 +122,7 @@ def _programs(corrections: Sequence[Correction]) -> Table:
         names = ", ".join(source.path.name for source in correction.program.files)
         rows.append((names, one["dialect"], one["targets"], one["corrected"], one["refused"],
                      Quantity(_shown(one["as_written_max_m"]), "m")))
-    return Table("Programs",
-                 ("file", "dialect", "targets", "corrected", "refused", "left over, at most"),
+    return Table("Programs", ("file", "dialect", "targets", "corrected", "refused", "left over, at most"),
                  tuple(rows),
                  "Left over: the new file was read again, and the identified arm compared with the targets.")
 
@@ -155,9 +154,8 @@ def _largest_rows(corrections: Sequence[Correction], most: int = 12) -> Table:
     rows.sort(key=lambda row: -row[0])
     cells = tuple((name, file, line, Quantity(size, "m"), Quantity(turn, "rad"))
                   for size, file, line, name, turn in rows[:most])
-    return Table("Largest corrections",
-                 ("target", "file", "line", "moved", "largest turn of an axis"),
-                 cells, "All of them are in compensation.csv.")
+    return Table("Largest corrections", ("target", "file", "line", "moved", "largest turn of an axis"), cells,
+                 "All of them are in compensation.csv.")
 
 
 def _bends(corrections: Sequence[Correction], most: int = 12) -> Table:

@@ -132,7 +132,6 @@ def _report(name: str, files: Sequence[str], seen: Sequence[int], bare: Sequence
         f"Corners for {name}",
         f"{sum(n for n in seen if n >= LEAST)} corners in {used} of {len(files)} pictures are written to "
         f"{FILE}.",
-        (Warnings(_warnings(bare)),
-         Highlights((Highlight("pictures", Quantity(used, "", exact=True)),)),
+        (Warnings(_warnings(bare)), Highlights((Highlight("pictures", Quantity(used, "", exact=True)),)),
          Table("Pictures", ("picture", "corners"), rows, "In the order of the rows of joint angles.")),
         "caution" if bare else "plain")

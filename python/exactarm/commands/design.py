@@ -196,13 +196,11 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     if arguments.contact is not None:
         return _closures(arguments)
     return design(arguments.robot, count=arguments.count, validation=arguments.validation,
-                  tool_m=tool_of(arguments.tool),
-                  frames=arguments.frames, use=arguments.use, box=box_of(arguments.box),
-                  clearance_m=arguments.clearance,
+                  tool_m=tool_of(arguments.tool), frames=arguments.frames, use=arguments.use,
+                  box=box_of(arguments.box), clearance_m=arguments.clearance,
                   station=station_of(arguments.station, arguments.opening, arguments.acceptance),
                   both_ways=arguments.both_ways, program=arguments.program, noise_mm=arguments.noise_mm,
-                  seed=arguments.seed, threads=arguments.threads,
-                  progress=arguments.progress)
+                  seed=arguments.seed, threads=arguments.threads, progress=arguments.progress)
 
 
 def _json(design: Design) -> dict[str, Any]:

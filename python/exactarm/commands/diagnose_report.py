@@ -224,8 +224,7 @@ def _rivals(result: Diagnosis) -> Table:
     reached = result.after[judged].rms
     rows = tuple(
         (a.effect.title, titles.get(a.instead_of, a.instead_of), Quantity(a.rms_after, result.unit),
-         percent(a.probability),
-         _why(a, reached))
+         percent(a.probability), _why(a, reached))
         for a in {(a.effect.title, a.instead_of): a for a in reversed(result.alternatives)}.values()
     )[::-1]  # of two of one name the better
     header = ("runner-up", "instead of", f"{judged} RMS with it", "probability", "why it was not chosen")

@@ -280,5 +280,4 @@ def sizes_figure(result: Diagnosis, found: Sequence[tuple[Finding, Contribution 
     labels, sizes = [label for label, _ in told], np.array([size for _, size in told])
     return [Figure("contributions", "Which axis costs how much",
                    partial(contribution_bars, labels, sizes, left if result.unit == "m" else None),
-                   _what_at_tool(result),
-                   "bars of the movement at the tool by cause")]
+                   _what_at_tool(result), "bars of the movement at the tool by cause")]

@@ -119,9 +119,8 @@ def _certified(
 
 def run(arguments: argparse.Namespace) -> CommandResult:
     return evaluate(arguments.robot, arguments.files, seed=arguments.seed, threads=arguments.threads,
-                    kind=arguments.kind,
-                    fixture=arguments.fixture, sessions=arguments.sessions, at=arguments.at,
-                    progress=arguments.progress)
+                    kind=arguments.kind, fixture=arguments.fixture, sessions=arguments.sessions,
+                    at=arguments.at, progress=arguments.progress)
 
 
 def distance_json(distances: dict[str, float] | None) -> dict[str, Any]:

@@ -78,8 +78,7 @@ def gear(robot: AnyRobot, data: AnyData, *, method: str = METHODS[0], seed: int 
 
 def run(arguments: argparse.Namespace) -> CommandResult:
     return gear(arguments.robot, arguments.files, method=arguments.method, seed=arguments.seed,
-                threads=arguments.threads,
-                kind=arguments.kind, progress=arguments.progress)
+                threads=arguments.threads, kind=arguments.kind, progress=arguments.progress)
 
 
 def gear_json(gear: Gear) -> dict[str, Any]:

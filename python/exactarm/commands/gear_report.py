@@ -63,8 +63,7 @@ def _error_table(gears, error: str, rule: str) -> Table:
                 fall = f"{fixed(100.0 * (1.0 - after.rms / before.rms), 0)} %"
                 numbers = (Quantity(before.rms, gear.unit), Quantity(after.rms, gear.unit), fall)
                 rows.append((f"{gear.joint} {gear.side}", name, before.n, *numbers,
-                             Quantity(gear.noise, gear.unit),
-                             Quantity(gear.declared[name].rms, gear.unit)))
+                             Quantity(gear.noise, gear.unit), Quantity(gear.declared[name].rms, gear.unit)))
     cutoffs = sorted({f"{gear.cutoff_hz:.0f} Hz" for gear in gears if gear.cutoff_hz})
     filtered = (f" Both sides filtered alike, -3 dB at {', '.join(cutoffs)}."
                 if cutoffs else " One offset for each run taken out.")
@@ -77,8 +76,7 @@ def _method_table(result: GearIdentification, unit: str) -> Table:
     methods = tuple(result.held_out[0].after) if result.held_out else ()
     rows = tuple(
         (f"{h.joint} {h.side}", Quantity(h.speed, "rad/s"), "identification" if h.fitted else "validation",
-         h.rows,
-         Quantity(h.before, unit), *(Quantity(h.after[name], unit) for name in methods))
+         h.rows, Quantity(h.before, unit), *(Quantity(h.after[name], unit) for name in methods))
         for h in result.held_out)
     note = ("refined: orders are real numbers, from a zoom and variable projection. neighbours: the nearest "
             f"whole numbers of the coarse FFT with their neighbours. The robot file has: {result.method}.")
@@ -162,8 +160,7 @@ def _gear_sections(gear: Gear, error: str) -> tuple:
                       f"spectrum of gear {gear.joint}"),
                Figure(f"{stem}_error", f"{error.capitalize()} over the angle, {title}",
                       partial(residual_over_signal, angle, before, after, unit=unit, name=error,
-                              signal_name="angle of the output",
-                                                   signal_unit="rad"),
+                              signal_name="angle of the output", signal_unit="rad"),
                       "Before (constant ratio) and after (with the harmonics).",
                       f"{error} of gear {gear.joint} over the angle"))
     fit, m = e.tables[gear.side], gear.table.order.size

@@ -94,8 +94,7 @@ def identify(robot: AnyRobot, data: AnyData, *, bandwidth_hz: float | None = Non
 def run(arguments: argparse.Namespace) -> CommandResult:
     return identify(arguments.robot, arguments.files, bandwidth_hz=arguments.bandwidth, share=arguments.share,
                     friction_only=arguments.friction_only, seed=arguments.seed, threads=arguments.threads,
-                    kind=arguments.kind, sessions=arguments.sessions,
-                    progress=arguments.progress)
+                    kind=arguments.kind, sessions=arguments.sessions, progress=arguments.progress)
 
 
 def require_motion(data: Dataset) -> Dataset:

@@ -190,8 +190,7 @@ def _report(robot: Robot, path: PlannedPath, rounds: list[_Round], diagnosis: Di
     return Report(f"The loop closed on {robot.name}", verdict, (
         Highlights(tuple(Highlight(r.name, Quantity(r.summary.rms, "m")) for r in rounds)),
         Table("Error of the target along the path", ("planned with the robot", "mean", "RMS", "maximum"),
-              rows,
-              "Executed on the true robot with its hidden cause; springs swing."),
+              rows, "Executed on the true robot with its hidden cause; springs swing."),
         Figure("tracking", "Error along the path",
                partial(curves, time, {r.name: r.error for r in rounds}, unit="m", name="error of the target",
                        log_y=True),

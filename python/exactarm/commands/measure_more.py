@@ -51,8 +51,7 @@ _AT_REST = (
     ((TRAVEL,),
      "drive axis {axis} alone along its way in steps of a hundredth, in two postures of the others: what its"
      " guide does then shows by itself"),
-    ((POSITION, PLACE),
-     "{elsewhere}: what stays with the device is not the arm's"),
+    ((POSITION, PLACE), "{elsewhere}: what stays with the device is not the arm's"),
     ((TIME, ORDER),
      "visit five of the poses again every quarter of an hour: what changes with time shows there"))
 _IN_MOTION = (
@@ -64,8 +63,7 @@ _IN_MOTION = (
      "itself"),
     ((TRAVEL,),
      "move axis {axis} alone along its way, slowly, both ways: what its guide does then shows by itself"),
-    ((LOAD,),
-     "repeat the motion with a known payload: what hangs on the load of axis {axis} grows with it"),
+    ((LOAD,), "repeat the motion with a known payload: what hangs on the load of axis {axis} grows with it"),
     ((ACCELERATION,),
      "play the same motion at half the speed: inertia and delays fall with it, friction and gears stay"),
     ((POSITION, PLACE), "{elsewhere}: what stays with the device is not the arm's"),

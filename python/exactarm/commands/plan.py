@@ -62,11 +62,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def plan(robot: AnyRobot, path: str | Path | PlannedPath, *, rate_hz: float | None = None,
-         duration_s: float | None = None,
-         nu: float | None = None, gear_direction: str | None = None, input: str | None = None,
-         solver: str | None = None,
-         linear_solver: str | None = None, start_rad: Sequence[float] | np.ndarray | None = None,
-         format: Literal["csv", "parquet"] = "csv",
+         duration_s: float | None = None, nu: float | None = None, gear_direction: str | None = None,
+         input: str | None = None, solver: str | None = None, linear_solver: str | None = None,
+         start_rad: Sequence[float] | np.ndarray | None = None, format: Literal["csv", "parquet"] = "csv",
          send: Literal["joint_trajectory", "servoj", "krl", "csv", "pulses"] | None = None,
          seed: int = DEFAULT_SEED, threads: int | None = None, progress: Progress = SILENT) -> CommandResult:
     """Plans the motor motion that keeps the flange on a path: `line`, `spiral`, a path file or a PlannedPath.
@@ -105,9 +103,8 @@ def plan(robot: AnyRobot, path: str | Path | PlannedPath, *, rate_hz: float | No
 
 def run(arguments: argparse.Namespace) -> CommandResult:
     return plan(arguments.robot, arguments.path, rate_hz=arguments.rate, duration_s=arguments.duration,
-                nu=arguments.nu,
-                **{key: getattr(arguments, key) for key in CHOICES}, start_rad=_start(arguments.start),
-                format=arguments.format, send=arguments.send,
+                nu=arguments.nu, **{key: getattr(arguments, key) for key in CHOICES},
+                start_rad=_start(arguments.start), format=arguments.format, send=arguments.send,
                 seed=arguments.seed, threads=arguments.threads, progress=arguments.progress)
 
 
@@ -226,6 +223,5 @@ def _figures(robot: Robot, plan: Plan) -> tuple[Figure, ...]:
                "What the motors do so that the links move smoothly.", "motor and link rates over time"),
         Figure("spectrum", "Spectrum of the motor accelerations",
                partial(curves_per_axis, frequency[1:], {"acceleration": spectrum[1:]}, unit="rad/s²",
-                       name="amplitude",
-                                       x_name="frequency", x_unit="Hz", log_x=True, log_y=True),
+                       name="amplitude", x_name="frequency", x_unit="Hz", log_x=True, log_y=True),
                "Single-sided amplitude of the input, output side.", "spectrum of the input per axis"))

@@ -100,8 +100,7 @@ def odd_gear_runs(data: Dataset, runs: list[GyroRun], tolerance: float,
     return []
 
 
-def _share_words(run: GyroRun, others: list[GyroRun], tolerance: float,
-                 meant: Callable[[float], str]) -> str:
+def _share_words(run: GyroRun, others: list[GyroRun], tolerance: float, meant: Callable[[float], str]) -> str:
     near = lambda one: abs(np.log(max(one.share, 1e-300)))
     sure = lambda one, other: tolerance + one.unsure + other.unsure
     if any(abs(run.share / max(each.share, 1e-300) - 1.0) < sure(run, each) for each in others):

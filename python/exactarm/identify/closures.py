@@ -83,8 +83,7 @@ class DeclaredClosures:
     fit: ClosureFit
 
 
-def calibrate_closures(robot: Robot, data: Dataset,
-                       options: CalibrationOptions = CalibrationOptions(),
+def calibrate_closures(robot: Robot, data: Dataset, options: CalibrationOptions = CalibrationOptions(),
                        progress: Callable[[str], None] = lambda text: None) -> Calibration:
     """Calibrates on the identification rows and judges on the others. Raises InputError where the data cannot
     support it."""

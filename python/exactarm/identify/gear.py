@@ -181,9 +181,8 @@ def _gear(estimate: GearEstimate, side: str, errors: Errors) -> Gear:
     sets = {"identification": rows & samples.identification, "validation": rows & ~samples.identification}
     summary = lambda error: {name: summarise(np.abs(error[mask])) for name, mask in sets.items()}
     return Gear(samples.axis + 1, side, estimate, estimate.gear_table(side), errors.before, after,
-                summary(errors.before),
-                summary(after), summary(errors.declared), summary(errors.rest), errors.noise,
-                _cutoff(samples) if samples.rated else None)
+                summary(errors.before), summary(after), summary(errors.declared), summary(errors.rest),
+                errors.noise, _cutoff(samples) if samples.rated else None)
 
 
 def _cutoff(samples: GearSamples) -> float:

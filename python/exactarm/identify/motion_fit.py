@@ -79,8 +79,7 @@ def _uncertainty(prediction, residual, sigma, rows, axes, record, layout, held) 
     place[rows] = np.arange(len(rows))
     runs = [place[run][place[run] >= 0] for run in record.runs]
     found = uncertainty(jacobian[:, :, ~held], residual, sigma, [run for run in runs if run.size],
-                        record.step,
-                        record.noise_autocorrelation, prior[~held])
+                        record.step, record.noise_autocorrelation, prior[~held])
     covariance = np.zeros((held.size, held.size))
     covariance[np.ix_(~held, ~held)] = found.covariance
     return replace(found, covariance=covariance[: layout.size, : layout.size])

@@ -53,8 +53,7 @@ def read_ur_calibration(path: str | Path, nominal: Robot) -> Robot:
             f"{1e3 * FARTHEST_M:g} mm: is it another arm's, or are its delta_d not complete?",
             file=path)
     joints = tuple(
-        replace(joint,
-                **{name: getattr(frame, name) for name in ("sign", "zero", "d", "a", "alpha", "beta")},
+        replace(joint, **{name: getattr(frame, name) for name in ("sign", "zero", "d", "a", "alpha", "beta")},
                 q_offset=0.0, controller_offset=None)
         for joint, frame in zip(nominal.joints, chain.joints, strict=True))
     links = None
@@ -65,9 +64,8 @@ def read_ur_calibration(path: str | Path, nominal: Robot) -> Robot:
                             chain="calibrated", joint_names=nominal.controller.joint_names,
                             coupling=nominal.controller.coupling)
     return replace(nominal, joints=joints, links=links, controller=controller,
-                   gravity=chain.base.rotation.T @ nominal.gravity,
-                   base=compose(nominal.base, chain.base), tool=compose(chain.tool, nominal.tool),
-                   file=str(path))
+                   gravity=chain.base.rotation.T @ nominal.gravity, base=compose(nominal.base, chain.base),
+                   tool=compose(chain.tool, nominal.tool), file=str(path))
 
 
 def like_universal_robots(axes: np.ndarray) -> bool:

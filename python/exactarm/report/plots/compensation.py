@@ -43,8 +43,7 @@ def shift_view(points: np.ndarray, shifts: np.ndarray) -> Figure:
                   label="target" if every == 1 else f"target (one in {every} drawn)")
         axes.quiver(points[:, i], points[:, j], factor * shifts[:, i], factor * shifts[:, j], color=AFTER,
                     angles="xy", scale_units="xy", scale=1.0, width=0.004,
-                    label=f"correction, {factor:.0f} times as long",
-                    zorder=3)
+                    label=f"correction, {factor:.0f} times as long", zorder=3)
         ends = points + factor * shifts
         axes.plot(ends[:, i], ends[:, j], linestyle="none")  # so that no arrow is cut off
         axes.plot(0.0, 0.0, "+", color=INK, markersize=11, markeredgewidth=1.6, label="robot base")

@@ -33,8 +33,7 @@ def curves(x: np.ndarray, traces: Mapping[str, np.ndarray], *, unit: str = "", n
 
 
 def curves_per_axis(x: np.ndarray, traces: Mapping[str, np.ndarray], *, unit: str, name: str,
-                    x_name: str = "time",
-                    x_unit: str = "s", log_x: bool = False, log_y: bool = False,
+                    x_name: str = "time", x_unit: str = "s", log_x: bool = False, log_y: bool = False,
                     colours: tuple[str, ...] = CYCLE) -> Figure:
     """Traces label -> (N, n): one panel per axis of the robot, all of one unit, each with its own range."""
     size, shown = scaled(np.concatenate([np.ravel(trace) for trace in traces.values()]), unit)

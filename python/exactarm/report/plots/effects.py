@@ -86,8 +86,7 @@ def _draw(axes: Axes, panel: EffectPanel) -> None:
                   markeredgewidth=0.0, rasterized=raster, label="error without it")
     if not panel.curve:
         axes.plot(spread, panel.with_ / size, ".", color=AFTER, markersize=3.0, markeredgewidth=0.0,
-                  rasterized=raster,
-                  label="error with it")
+                  rasterized=raster, label="error with it")
     elif not wide and _spikes(panel.x, panel.value):
         axes.plot(x, panel.value / size, ".", color=AFTER, markersize=3.0, markeredgewidth=0.0,
                   rasterized=raster, label="effect")
@@ -96,8 +95,7 @@ def _draw(axes: Axes, panel: EffectPanel) -> None:
     else:
         _curve(axes, panel, x, size)
     axes.plot(x, np.zeros_like(x), "|", color=FLOOR, markersize=5, markeredgewidth=0.5, rasterized=raster,
-              label="measured at",
-              transform=axes.get_xaxis_transform(), clip_on=False)
+              label="measured at", transform=axes.get_xaxis_transform(), clip_on=False)
     drawn = np.concatenate([np.abs(panel.without) if panel.same or not panel.curve else np.zeros(1),
                             np.abs(panel.value) + panel.half if panel.curve else np.zeros(1)]) / size
     top = (1.15 * float(max(np.percentile(drawn, _SHOWN),

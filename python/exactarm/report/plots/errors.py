@@ -30,13 +30,11 @@ def error_per_pose(before: np.ndarray, after: np.ndarray, validation: np.ndarray
     """Magnitudes before, after (N,) against the row; `validation` (N,) bool marks what was never fitted.
     Where after is before, nothing was changed: one series."""
     return on_one_panel(partial(error_per_pose_panel, before, after, validation, unit,
-                                noise_floor=noise_floor, name=name,
-                                row=row), 3.6)
+                                noise_floor=noise_floor, name=name, row=row), 3.6)
 
 
 def error_per_pose_panel(before: np.ndarray, after: np.ndarray, validation: np.ndarray, unit: str, axes: Axes,
-                         *,
-                         noise_floor: float | None = None, name: str = "position error",
+                         *, noise_floor: float | None = None, name: str = "position error",
                          row: str = "pose") -> None:
     """The same on given axes."""
     size, shown = scaled(before, unit, after)

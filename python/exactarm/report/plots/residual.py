@@ -39,8 +39,7 @@ def residual_over_signal(signal: np.ndarray, before: np.ndarray, after: np.ndarr
                   alpha=0.55, markeredgewidth=0.0, rasterized=len(signal) > RASTER_ABOVE)
         centre, mean, half = binned_mean(signal, values)
         axes.errorbar(centre / x_size, mean / size, half / size, color=INK, linewidth=1.5, marker="o",
-                      markersize=3.5,
-                      capsize=0, elinewidth=1.2, label="mean of a bin, ± 95 %")
+                      markersize=3.5, capsize=0, elinewidth=1.2, label="mean of a bin, ± 95 %")
         axes.axhline(0.0, color=INK, linewidth=0.7)
         rms = float(np.sqrt(np.mean(np.square(values)))) / size
         axes.set_title(f"{title}: RMS {number(rms)} {shown}")
@@ -67,8 +66,7 @@ def binned_mean(signal: np.ndarray, values: np.ndarray,
 
 
 def spectrum(frequency: np.ndarray, before: np.ndarray, after: np.ndarray | None = None, *, unit: str,
-             name: str,
-             frequency_name: str = "order", frequency_unit: str = "per output revolution",
+             name: str, frequency_name: str = "order", frequency_unit: str = "per output revolution",
              marks: Sequence[tuple[float, str]] = (), threshold: float | None = None) -> Figure:
     """Amplitudes (N,) over order or frequency; `marks` name peaks, `threshold` is what chance reaches."""
     size, shown = scaled(before, unit, after)

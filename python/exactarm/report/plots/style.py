@@ -148,8 +148,7 @@ def legend_above(axes: Axes, side: str = "left", columns: int = 4, marker_scale:
     handles, labels = axes.get_legend_handles_labels()
     if handles:
         axes.legend(handles, labels, loc=f"lower {side}", bbox_to_anchor=(float(side == "right"), 1.0),
-                    ncols=columns,
-                    borderaxespad=0.2, markerscale=marker_scale)
+                    ncols=columns, borderaxespad=0.2, markerscale=marker_scale)
 
 
 def from_zero(axes: Axes, *arrays: np.ndarray | None) -> None:

@@ -36,8 +36,7 @@ def over_weight(nu: np.ndarray, errors: Mapping[str, np.ndarray], bandwidth_hz: 
     for (label, values), colour, marker in zip(errors.items(), CYCLE, _MARKERS):
         wide = label == next(iter(errors))  # what lies under another curve is drawn wider
         left.plot(nu, values / MICROMETRE, marker=marker, markersize=7 if wide else 4, color=colour,
-                  label=label,
-                  linewidth=3.4 if wide else 1.3)
+                  label=label, linewidth=3.4 if wide else 1.3)
     left.set(xscale="log", yscale="log", ylabel="error of the flange [µm]")
     for axis, (column, colour, marker) in enumerate(zip(bandwidth_hz.T, CYCLE, _MARKERS)):
         right.plot(nu, column, marker=marker, markersize=4, color=colour, linewidth=1.0, label=str(axis + 1))
