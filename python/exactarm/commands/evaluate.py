@@ -26,8 +26,7 @@ from exactarm.data.kinds import kind_of
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.design.joint_limits import beyond_limits
 from exactarm.errors import InputError
-from exactarm.identify.evaluate import EVALUATORS
-from exactarm.identify.evaluation import Evaluation
+from exactarm.identify.evaluate import EVALUATORS, Evaluation
 from exactarm.identify.planned import controller_angles
 from exactarm.identify.pose_uncertainty import pose_uncertainty
 from exactarm.progress import SILENT, Progress
