@@ -22,11 +22,10 @@ from exactarm.commands.call import (
     threads_of,
 )
 from exactarm.commands.error_sections import error_figures, error_table, geometry_tables, highlights, unit_of
-from exactarm.commands.load_section import with_load_section
+from exactarm.commands.load_section import with_load_section, with_payload_section
 from exactarm.commands.memory import within_memory
 from exactarm.commands.next_steps import next_steps
 from exactarm.commands.output import PICTURES, ROBOT_FILES
-from exactarm.commands.payload_section import with_payload_section
 from exactarm.commands.result import WORSE, CommandResult, estimate
 from exactarm.commands.steps import CHECKING, READING, STEPS
 from exactarm.commands.suspicions import suspicions

@@ -14,10 +14,9 @@ from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of
 from exactarm.commands.design_for import experiment_json
 from exactarm.commands.diagnose_report import report_of
 from exactarm.commands.effect_sections import rows_left_out
-from exactarm.commands.load_section import with_load_section
+from exactarm.commands.load_section import with_load_section, with_payload_section
 from exactarm.commands.memory import within_memory
 from exactarm.commands.output import PICTURES, ROBOT_FILES
-from exactarm.commands.payload_section import with_payload_section
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.steps import CHECKING, READING, STEPS, step_of, steps_of_kinds
 from exactarm.commands.suspicions import suspicions

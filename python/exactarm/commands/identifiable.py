@@ -34,7 +34,7 @@ from exactarm.design.joint_limits import beyond_limits
 from exactarm.design.pose_space import PoseSpace
 from exactarm.effects.parameter_id import Group, ParameterId
 from exactarm.errors import InputError
-from exactarm.first_aid.mismatch import with_cause
+from exactarm.first_aid.first_aid import with_cause
 from exactarm.identify.closure_fit import Pulls, expected_deviations
 from exactarm.identify.closure_scale import gravity_alone, scale_is_known
 from exactarm.identify.closures import (

@@ -12,10 +12,10 @@ import numpy as np
 from exactarm.commands.arguments import add_files, add_robot, add_sessions
 from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.error_sections import SETS, error_table, highlights, parameter_table, unit_of
+from exactarm.commands.load_section import with_payload_section
 from exactarm.commands.memory import within_memory
 from exactarm.commands.next_steps import next_steps
 from exactarm.commands.output import PICTURES, ROBOT_FILES
-from exactarm.commands.payload_section import with_payload_section
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.steps import CHECKING, READING, STEPS
 from exactarm.commands.suspicions import suspicions

@@ -22,8 +22,7 @@ from exactarm.commands.compare import BETWEEN, Motion, play
 from exactarm.commands.output import PICTURES
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import CASES, STEPS
-from exactarm.commands.study_case import Case
-from exactarm.commands.study_report import study_report
+from exactarm.commands.study_report import Case, study_report
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
 from exactarm.identify.statistics import summarise

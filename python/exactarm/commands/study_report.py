@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from exactarm import _core
-from exactarm.commands.study_case import Case
+from exactarm.commands.compare import Played
 from exactarm.identify.statistics import summarise
 from exactarm.plan.compensation import planning_model
+from exactarm.plan.optimal import Plan
 from exactarm.plan.spectrum import PEAK_SHARE, amplitude
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Section, Table, Text
 from exactarm.report.numbers import number, quantity
@@ -23,9 +25,27 @@ from exactarm.report.plots.weighting import (
 )
 from exactarm.robot.robot import Robot
 
-Study = dict[str, list[Case]]
 _LEAST_SHOWN_M = 1e-10
-_INPUTS = {"acceleration": "acceleration", "jerk": "jerk"}
+_INPUTS = ("acceleration", "jerk")
+
+
+@dataclass(frozen=True)
+class Case:
+    """One plan, nu the weight of the acceleration it compares with, and how it went on the virtual robot."""
+
+    nu: float
+    plan: Plan
+    played: Played
+    bandwidth: tuple[float | None, ...]  # Hz per axis, plan/spectrum.py
+    ringing: np.ndarray  # (n,) rad/s^2, output side
+
+    @property
+    def widest(self) -> float:
+        """Hz: the largest bandwidth of an axis."""
+        return max((value for value in self.bandwidth if value is not None), default=0.0)
+
+
+Study = dict[str, list[Case]]
 
 
 def study_report(robot: Robot, studies: dict[str, Study]) -> Report:
@@ -113,7 +133,7 @@ def _compared(case: Case) -> tuple[str | Quantity, ...]:
 
 
 def _trade_off(studies: dict[str, Study]):
-    lines = {path: {f"{_INPUTS[kind]} as the input": (np.array([case.widest for case in cases]),
+    lines = {path: {f"{kind} as the input": (np.array([case.widest for case in cases]),
                                                       np.array([_rms(case.played.between) for case in cases]))
                     for kind, cases in kinds.items()}
              for path, kinds in studies.items()}
@@ -178,7 +198,7 @@ def _figures(robot: Robot, path: str, kinds: Study) -> list[Figure]:
         ("jerk", "spectrum with either input", "Motor acceleration, output side, both with the weight of "
                                                f"{smallest}.",
          partial(spectra_per_axis, _spectrum(robot, cases[0])[0],
-                                  {f"{_INPUTS[kind]} as the input": _spectrum(robot, kinds[kind][0])[1]
+                                  {f"{kind} as the input": _spectrum(robot, kinds[kind][0])[1]
                                    for kind in _INPUTS}))]
     return [Figure(f"{name}_{path}", f"{path.capitalize()}: {heading}", draw, caption, heading)
             for name, heading, caption, draw in build]

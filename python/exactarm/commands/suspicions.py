@@ -8,8 +8,7 @@ from contextlib import contextmanager
 
 from exactarm.data.dataset import Dataset
 from exactarm.errors import ComputationError, InputError
-from exactarm.first_aid.first_aid import first_aid
-from exactarm.first_aid.mismatch import with_cause
+from exactarm.first_aid.first_aid import first_aid, with_cause
 from exactarm.identify.match import Mismatch
 from exactarm.robot.robot import Robot
 

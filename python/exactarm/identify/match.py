@@ -2,7 +2,7 @@
 
 With base and tool fitted, every joint zero of an assembled robot off by a degree moves the target by less
 than 3 % of the reach; what is further off is another robot, other columns or another unit. Which of them,
-first aid tries (`exactarm.first_aid.mismatch`).
+first aid tries (`exactarm.first_aid.first_aid`).
 """
 
 from __future__ import annotations
