@@ -274,7 +274,7 @@ def _parameter_sections(robot: Robot, result: Calibration) -> tuple[Any, ...]:
     return *figures, *tables, *frames
 
 
-def dropped_table(dropped: Sequence[Dropped]) -> Table:
-    rows = tuple((entry.name, entry.why) for entry in dropped)
-    return Table("Not identified", ("parameter", "why"), rows, "These keep their declared values.")
+def dropped_table(dropped: Sequence[Dropped], note: str = "These keep their declared values.",
+                  heading: str = "Not identified") -> Table:
+    return Table(heading, ("parameter", "why"), tuple((entry.name, entry.why) for entry in dropped), note)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from exactarm.commands.calibrate import dropped_table
 from exactarm.commands.design_for import pose_columns
 from exactarm.commands.result import CommandResult
 from exactarm.data.fixture import CameraSetup
@@ -50,11 +51,10 @@ def designed_readings(robot: Robot, sensor: str, options: ClosureDesignOptions) 
         f"{len(found.q)} poses to read the {name} in: what the arm's angles are wrong by will move the "
         f"target by {quantity(chosen, 'm')} (RMS over the work space), with random poses by "
         f"{quantity(random, 'm')}, from the drawing alone by {quantity(alone, 'm')}.")
-    dropped = tuple((entry.name, entry.why) for entry in found.identifiability.dropped)
     return CommandResult(
         json=_expected(found),
         report=Report(f"Poses for a gravity sensor: {robot.name}", verdict, (
-            Table("Not identified", ("parameter", "why"), dropped, "These keep their declared values."),
+            dropped_table(found.identifiability.dropped),
             Text("How", (
                 "The sensor's axes are taken for those of the flange, an averaged reading for good to "
                 f"{quantity(SIGMA_RAD, 'rad')}. Wait until the arm has come to rest, and average.",)),
@@ -78,7 +78,6 @@ def designed_pictures(robot: Robot, setup: CameraSetup, options: ClosureDesignOp
     seen = [(number, *(Quantity(float(x), "m") for x in entry[stands]["position_m"]),
              *(Quantity(float(row[2])) for row in entry[stands]["rotation"]),
              int(np.sum(found.session == number))) for number, entry in enumerate(placed, 1)]
-    dropped = tuple((entry.name, entry.why) for entry in found.identifiability.dropped)
     what = "outer corner" if setup.on_flange else "lens"
     return CommandResult(
         json=_expected(found) | {"places": placed},
@@ -87,7 +86,7 @@ def designed_pictures(robot: Robot, setup: CameraSetup, options: ClosureDesignOp
                   ("place", "x", "y", "z", "z axis: x", "z axis: y", "z axis: z", "pictures"), tuple(seen),
                   f"Its {what} in the robot's base frame, and where its z axis points (of a board: into it). "
                   "It may stand centimetres elsewhere: it is estimated."),
-            Table("Not identified", ("parameter", "why"), dropped, "These keep their declared values."),
+            dropped_table(found.identifiability.dropped),
             Text("How", (
                 f"In every pose {100 * LEAST_SEEN:.0f} % of the corners or more are in the picture, "
                 f"the board's middle is {quantity(views.near, 'm')} to {quantity(views.far, 'm')} before the "
@@ -110,12 +109,11 @@ def _report(robot: Robot, options: ClosureDesignOptions, found: ClosureDesign) -
     rows = tuple((str(session), str(socket), *(Quantity(x, "m") for x in seat),
                   int(np.sum((found.session == session) & (found.socket == socket))))
                  for (session, socket), seat in found.seats.items())
-    dropped = tuple((entry.name, entry.why) for entry in found.identifiability.dropped)
     return Report(f"Fixture and poses: {robot.name}", verdict, (
         Table("Seats", ("place", "socket", "x", "y", "z", "touches"), rows,
               "Centres in the robot's base frame. A seat may stand centimetres elsewhere: it is estimated; "
               "the arm is led to it by hand or by sight, near the angles of poses.csv."),
-        Table("Not identified", ("parameter", "why"), dropped, "These keep their declared values."),
+        dropped_table(found.identifiability.dropped),
         Text("How", (
             f"Two seats {quantity(options.apart, 'm')} apart. Places are taken one after the other, each "
             "time the one that lowers the mean variance of the target's position over the work space most; "

@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from exactarm.commands.arguments import add_robot
+from exactarm.commands.calibrate import dropped_table
 from exactarm.commands.call import AnyRobot, asked, robot_of, threads_of
 from exactarm.commands.closure_design import designed_closures, designed_pictures, designed_readings
 from exactarm.commands.design_for import designed_for, minutes_of, pose_columns
@@ -227,7 +228,8 @@ def _report(robot: Robot, design: Design, causes: Table) -> Report:
     parameters = len(design.identifiability.identifiable)
     verdict = (f"{len(design.q)} poses for {parameters} parameters: O1 = {number(design.observability.O1)}, "
                f"{gain:.2f} times that of the random set it started from.")
-    sections: list[Section] = [_index_table(design), causes, _dropped_table(design)]
+    sections: list[Section] = [_index_table(design), causes, dropped_table(
+        design.identifiability.dropped, "", "Not identifiable by any such poses")]
     if warnings := _warnings(design):
         sections.append(Warnings(warnings))
     sections += [_history_figure(design), _pose_figure(design), _method(design)]
@@ -240,11 +242,6 @@ def _index_table(design: Design) -> Table:
                  for name in ("O1", "O2", "O3", "O4", "O5"))
     return Table("Observability", ("index", "this design", "before polishing", "random start"), rows,
                  "Larger is better. O1: all parameters together; O4: the one that shows least.")
-
-
-def _dropped_table(design: Design) -> Table:
-    rows = tuple((entry.name, entry.why) for entry in design.identifiability.dropped)
-    return Table("Not identifiable by any such poses", ("parameter", "why"), rows)
 
 
 def _warnings(design: Design) -> tuple[str, ...]:

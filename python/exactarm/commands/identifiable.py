@@ -13,6 +13,7 @@ import numpy as np
 
 from exactarm.chain import Layout
 from exactarm.commands.arguments import add_files, add_fixture, add_robot
+from exactarm.commands.calibrate import dropped_table
 from exactarm.commands.call import AnyRobot, arguments_of, asked, files_of, robot_of, threads_of
 from exactarm.commands.output import PICTURES
 from exactarm.commands.planning_arguments import (
@@ -260,9 +261,8 @@ def _frame_table(robot: Robot, check: ModelCheck) -> Table:
 
 def _dropped_table(check: ModelCheck) -> Table:
     entries = (*check.identifiability.dropped, *check.absent)
-    rows = tuple((entry.name, entry.why) for entry in entries)
-    return Table("Not identifiable, and why", ("parameter", "why"), rows,
-                 "" if rows else "Everything can be identified.")
+    return dropped_table(entries, "" if entries else "Everything can be identified.",
+                         "Not identifiable, and why")
 
 
 def _index_table(result: Identifiability) -> Table:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from exactarm.commands.arguments import add_files, add_robot, add_sessions
+from exactarm.commands.calibrate import dropped_table
 from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.error_sections import SETS, error_table, highlights, parameter_table, unit_of
 from exactarm.commands.load_section import with_payload_section
@@ -178,10 +179,8 @@ def _report(robot: Robot, result: DynamicsIdentification, rule: str) -> Report:
          error_table(summaries["before"], summaries["after"], "Nm", "Torque error", note),
          _axis_table(result, judge), *_bodies(result), _figure(result, judge), _parameters(robot, result),
          _groups(result),
-         Table("Not identified", ("parameter", "why"),
-               tuple((entry.name, entry.why) for entry in result.dropped),
-               "Friction and rotors keep their declared values; inertial parameters follow the bodies "
-               "that the links are drawn to."),
+         dropped_table(result.dropped, "Friction and rotors keep their declared values; inertial parameters "
+                       "follow the bodies that the links are drawn to."),
          Warnings(result.warnings)),
         "good" if after.rms < before.rms else "caution")
 
