@@ -15,7 +15,8 @@ from exactarm.data.dataset import Dataset
 from exactarm.identify.pose_uncertainty import PoseUncertainty
 from exactarm.report import Cell, Figure, Quantity, Table
 from exactarm.report.numbers import quantity
-from exactarm.report.plots.uncertainty import half_axes_per_pose, half_axes_per_pose_panel
+from exactarm.report.plots.style import figure_of_panel
+from exactarm.report.plots.uncertainty import half_axes_per_pose
 
 FILE = "uncertainty.csv"
 
@@ -71,7 +72,7 @@ def _sections(found: PoseUncertainty) -> tuple[Table | Figure, ...]:
             f"in variance so that the judged rows are held. One row a pose in `{FILE}`.")
     return (
         Table("Certified error", ("", ""), rows, note),
-        Figure("uncertainty_per_pose", "Half axes of the 95 % ellipsoid at every pose",
-               partial(half_axes_per_pose, found.half_axes), "From the shortest to the longest half axis.",
-               "half axes of the ellipsoid against the pose",
-               partial(half_axes_per_pose_panel, found.half_axes)))
+        figure_of_panel("uncertainty_per_pose", "Half axes of the 95 % ellipsoid at every pose",
+                        partial(half_axes_per_pose, found.half_axes), 3.6,
+                        "From the shortest to the longest half axis.",
+                        "half axes of the ellipsoid against the pose"))

@@ -14,9 +14,9 @@ from exactarm.data.dataset import Dataset
 from exactarm.identify.statistics import ErrorSummary
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import change, quantities, quantity
-from exactarm.report.plots.errors import error_histogram, error_histogram_panel
-from exactarm.report.plots.style import on_one_panel
-from exactarm.report.plots.workspace_error import distance_error_panel, error_over_workspace
+from exactarm.report.plots.errors import error_histogram
+from exactarm.report.plots.style import figure_of_panel
+from exactarm.report.plots.workspace_error import distance_error, error_over_workspace
 from exactarm.robot.robot import Robot
 from exactarm.verify.held_out import Judged, Rows
 from exactarm.verify.iso_9283 import LEAST_VISITS, STANDARD_VISITS, Distances, Iso9283
@@ -191,11 +191,11 @@ def certificate(c: Certified) -> Report:
         Text("What was compared",
              (f"Before: {c.earlier.name}. After: the robot file as it is. Of both, base and tool frame alone "
               f"were fitted, with {int(c.rows.frames.sum())} rows. {c.rows.why}",)),
-        Figure("error_histogram", "Distribution of the position error",
-               partial(error_histogram, c.before.error, c.after.error, of="positions"),
-               "Number of held-out positions by their error.",
-               "histogram of the position error before and after",
-               partial(error_histogram_panel, c.before.error, c.after.error, "m", of="positions")),
+        figure_of_panel(
+            "error_histogram", "Distribution of the position error",
+            partial(error_histogram, c.before.error, c.after.error, "m", of="positions"), 3.0,
+            "Number of held-out positions by their error.",
+            "histogram of the position error before and after"),
         Figure(
             "error_over_workspace", "Position error over the work space",
             partial(error_over_workspace, c.points, c.before.error, c.after.error),
@@ -315,7 +315,7 @@ def _budget(b: Budget) -> Table:
 
 
 def _distances(d: Distances) -> Figure:
-    panel = partial(distance_error_panel, d.length, d.before, d.after)
-    return Figure("distance_error", "Distance accuracy", partial(on_one_panel, panel, 3.0),
-                  "Error of the distance between two poses against that distance.",
-                  "error of distances before and after", panel)
+    return figure_of_panel("distance_error", "Distance accuracy",
+                           partial(distance_error, d.length, d.before, d.after), 3.0,
+                           "Error of the distance between two poses against that distance.",
+                           "error of distances before and after")

@@ -11,12 +11,8 @@ import numpy as np
 from exactarm.identify.statistics import ErrorSummary
 from exactarm.report import Estimate, Figure, Highlight, Highlights, Quantity, Table
 from exactarm.report.numbers import interval_decimals
-from exactarm.report.plots.errors import (
-    error_histogram,
-    error_histogram_panel,
-    error_per_pose,
-    error_per_pose_panel,
-)
+from exactarm.report.plots.errors import error_histogram, error_per_pose
+from exactarm.report.plots.style import figure_of_panel
 
 SETS = ("identification", "validation")
 
@@ -56,17 +52,15 @@ def error_figures(
     validation = ~identification
     shown = validation if validation.any() else np.ones(len(before), bool)
     which = f"{'validation' if validation.any() else 'identification'} {row}s"
-    return (Figure("error_per_row", f"{name.capitalize()} of every {row}",
-                   partial(error_per_pose, before, after, validation, unit, name=name, row=row),
-                   f"Validation {row}s are marked: they took no part in any fit or choice.{order}",
-                   f"{name} before and after against the {row} number",
-                   partial(error_per_pose_panel, before, after, validation, unit, name=name, row=row)),
-            Figure("error_histogram", f"Distribution of the {name}",
-                   partial(error_histogram, before[shown], after[shown], unit, name=name, of=which),
-                   f"Number of {which} by their error"
-                   + ("." if np.array_equal(before, after) else ", before and after."),
-                   f"histogram of the {name}",
-                   partial(error_histogram_panel, before[shown], after[shown], unit, name=name, of=which)))
+    changed = "" if np.array_equal(before, after) else ", before and after"
+    return (
+        figure_of_panel("error_per_row", f"{name.capitalize()} of every {row}",
+                        partial(error_per_pose, before, after, validation, unit, name=name, row=row), 3.6,
+                        f"Validation {row}s are marked: they took no part in any fit or choice.{order}",
+                        f"{name} before and after against the {row} number"),
+        figure_of_panel("error_histogram", f"Distribution of the {name}",
+                        partial(error_histogram, before[shown], after[shown], unit, name=name, of=which), 3.0,
+                        f"Number of {which} by their error{changed}.", f"histogram of the {name}"))
 
 
 def parameter_table(names, start, values, intervals, units, at_bound=None) -> Table:

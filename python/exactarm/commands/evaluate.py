@@ -30,14 +30,10 @@ from exactarm.identify.evaluate import EVALUATORS, Evaluation
 from exactarm.identify.planned import controller_angles
 from exactarm.identify.pose_uncertainty import pose_uncertainty
 from exactarm.progress import SILENT, Progress
-from exactarm.report import Cell, Figure, Highlight, Highlights, Quantity, Report, Table, Warnings
+from exactarm.report import Cell, Highlight, Highlights, Quantity, Report, Table, Warnings
 from exactarm.report.numbers import quantities, quantity
-from exactarm.report.plots.errors import (
-    error_histogram,
-    error_histogram_panel,
-    error_per_pose,
-    error_per_pose_panel,
-)
+from exactarm.report.plots.errors import error_histogram, error_per_pose
+from exactarm.report.plots.style import figure_of_panel
 from exactarm.robot.robot import Robot
 
 NAME = "evaluate"
@@ -155,12 +151,10 @@ def _report(robot: Robot, data: Dataset, result: Evaluation) -> Report:
         to_improve(kind_of(data.kind)),
         Table("By session", ("session", "rows", "mean", "RMS", "maximum", "std. dev."), rows),
         *known,
-        Figure("error_per_row", f"{name.capitalize()} of every row",
-               partial(error_per_pose, result.error, result.error, none, unit, name=name),
-               "No row was used to fit the robot.", f"{name} against the row",
-               partial(error_per_pose_panel, result.error, result.error, none, unit, name=name)),
-        Figure("error_histogram", f"Distribution of the {name}",
-               partial(error_histogram, result.error, result.error, unit, name=name, of="rows"),
-               "Number of rows by their error.", f"histogram of the {name}",
-               partial(error_histogram_panel, result.error, result.error, unit, name=name, of="rows")),
+        figure_of_panel("error_per_row", f"{name.capitalize()} of every row",
+                        partial(error_per_pose, result.error, result.error, none, unit, name=name), 3.6,
+                        "No row was used to fit the robot.", f"{name} against the row"),
+        figure_of_panel("error_histogram", f"Distribution of the {name}",
+                        partial(error_histogram, result.error, result.error, unit, name=name, of="rows"), 3.0,
+                        "Number of rows by their error.", f"histogram of the {name}"),
         Warnings(result.warnings)))

@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 from exactarm.report.plots.curves import envelope
 from exactarm.report.plots.style import (
     AFTER,
-    INK,
     SOFT,
     VALIDATION,
     from_zero,
@@ -19,7 +18,7 @@ from exactarm.report.plots.style import (
     new_figure,
     scaled,
 )
-from exactarm.report.plots.workspace import AXIS_NAMES, VIEWS
+from exactarm.report.plots.workspace import VIEWS, with_base
 
 MOST_DRAWN = 1000  # targets: more are a blot, and a vector picture of all takes longer than their correction
 LONGEST_ARROW = 0.12  # of the width of the plot
@@ -38,7 +37,7 @@ def shift_view(points: np.ndarray, shifts: np.ndarray) -> Figure:
     factor = LONGEST_ARROW * span / longest
     decade = 10.0 ** np.floor(np.log10(factor))
     factor = decade * ROUND[ROUND <= factor / decade].max()
-    for axes, (title, i, j) in zip(panels, VIEWS):
+    for axes, (_, i, j) in zip(panels, VIEWS):
         axes.plot(points[:, i], points[:, j], "o", color=SOFT, markersize=marker_size(len(points)),
                   label="target" if every == 1 else f"target (one in {every} drawn)")
         axes.quiver(points[:, i], points[:, j], factor * shifts[:, i], factor * shifts[:, j], color=AFTER,
@@ -46,12 +45,8 @@ def shift_view(points: np.ndarray, shifts: np.ndarray) -> Figure:
                     label=f"correction, {factor:.0f} times as long", zorder=3)
         ends = points + factor * shifts
         axes.plot(ends[:, i], ends[:, j], linestyle="none")  # so that no arrow is cut off
-        axes.plot(0.0, 0.0, "+", color=INK, markersize=11, markeredgewidth=1.6, label="robot base")
-        axes.set(title=title, xlabel=AXIS_NAMES[i], ylabel=AXIS_NAMES[j])
-        axes.set_aspect("equal", adjustable="datalim")
         axes.margins(0.15)
-    handles, labels = panels[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper right", ncols=len(labels))
+    with_base(figure, panels)
     return figure
 
 

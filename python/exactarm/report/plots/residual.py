@@ -12,7 +12,6 @@ from exactarm.report.plots.style import (
     AFTER,
     BEFORE,
     INK,
-    ORANGE,
     RASTER_ABOVE,
     VALIDATION,
     label_with,
@@ -25,14 +24,13 @@ from exactarm.report.plots.style import (
 BINS = 24
 
 
-def residual_over_signal(signal: np.ndarray, before: np.ndarray, after: np.ndarray | None, *, unit: str,
+def residual_over_signal(signal: np.ndarray, before: np.ndarray, after: np.ndarray, *, unit: str,
                          name: str, signal_name: str, signal_unit: str = "") -> Figure:
     """Signed residuals (N,) over a signal (N,), before beside after, with means of equal-count bins."""
     size, shown = scaled(before, unit, after)
     x_size, x_shown = scaled(signal, signal_unit)
     figure = new_figure(3.5)
-    count = 1 if after is None else 2
-    panels = figure.subplots(1, count, sharex=True, sharey=True, squeeze=False)[0]
+    panels = figure.subplots(1, 2, sharex=True, sharey=True)
     for axes, values, title, colour in zip(panels, (before, after), ("before", "after"), (BEFORE, AFTER)):
         axes.plot(signal / x_size, values / size, "o", color=colour,
                   markersize=0.8 * marker_size(len(signal)),
@@ -65,29 +63,24 @@ def binned_mean(signal: np.ndarray, values: np.ndarray,
     return centre, mean, half
 
 
-def spectrum(frequency: np.ndarray, before: np.ndarray, after: np.ndarray | None = None, *, unit: str,
-             name: str, frequency_name: str = "order", frequency_unit: str = "per output revolution",
-             marks: Sequence[tuple[float, str]] = (), threshold: float | None = None) -> Figure:
-    """Amplitudes (N,) over order or frequency; `marks` name peaks, `threshold` is what chance reaches."""
+def spectrum(order: np.ndarray, before: np.ndarray, after: np.ndarray, *, unit: str, name: str,
+             marks: Sequence[tuple[float, str]] = ()) -> Figure:
+    """Amplitudes (N,) over orders (N,) per output revolution; `marks` name peaks."""
     size, shown = scaled(before, unit, after)
     figure = new_figure(3.3)
     axes = figure.subplots()
-    axes.plot(frequency, before / size, color=BEFORE, linewidth=1.2, label="before")
-    if after is not None:
-        axes.plot(frequency, after / size, color=AFTER, linewidth=1.2, label="after")
-    if threshold is not None:
-        axes.axhline(threshold / size, color=ORANGE, linestyle="--", linewidth=1.0,
-                     label="reached by chance (5 %)")
+    axes.plot(order, before / size, color=BEFORE, linewidth=1.2, label="before")
+    axes.plot(order, after / size, color=AFTER, linewidth=1.2, label="after")
     top = float(np.nanmax(before)) / size if len(before) else 1.0
-    for position, text in _spread(marks, float(np.ptp(frequency)) * 0.05 if len(frequency) else 1.0):
-        height = float(np.interp(position[0], frequency, before)) / size
+    for position, text in _spread(marks, float(np.ptp(order)) * 0.05 if len(order) else 1.0):
+        height = float(np.interp(position[0], order, before)) / size
         axes.annotate(text, (position[0], height), (position[1], top * 1.12), ha="center", va="bottom",
                       fontsize=8.5,
                       color=VALIDATION, arrowprops={"arrowstyle": "-", "color": VALIDATION, "linewidth": 0.7})
-    axes.set(xlabel=label_with(frequency_name, frequency_unit), ylabel=label_with(name, shown),
+    axes.set(xlabel="order [per output revolution]", ylabel=label_with(name, shown),
              ylim=(0.0, top * (1.28 if len(marks) else 1.08) or 1.0))
-    if len(frequency):
-        axes.set_xlim(float(frequency[0]), float(frequency[-1]))
+    if len(order):
+        axes.set_xlim(float(order[0]), float(order[-1]))
     legend_above(axes)
     return figure
 

@@ -9,6 +9,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from functools import partial
 from pathlib import Path
 
 import matplotlib
@@ -20,6 +21,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatterSciNotation
 
 from exactarm.report.numbers import choose_scale
+from exactarm.report.sections import Figure as FigureSection
 
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY, GREY = (
     "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#868C94")
@@ -92,6 +94,31 @@ def on_one_panel(panel: Callable[[Axes], None], height: float = HEIGHT_IN) -> Fi
     figure = new_figure(height)
     panel(figure.subplots())
     return figure
+
+
+def panel_per_axis(count: int, height: float, line: float, share_y: bool, x_label: str,
+                   y_label: str) -> tuple[Figure, list[Axes]]:
+    """A panel for each axis of a robot, three in a line; height in inches, and that of each line."""
+    columns = min(count, 3)
+    lines = -(-count // columns)
+    figure = new_figure(height + line * lines)
+    grid = figure.subplots(lines, columns, sharex=True, sharey=share_y, squeeze=False)
+    for axes in grid.flat[count:]:
+        axes.set_visible(False)
+    for index, axes in enumerate(grid.flat[:count]):
+        axes.set_title(f"axis {index + 1}")
+        if index >= count - columns:
+            axes.set_xlabel(x_label)
+            axes.tick_params(labelbottom=True)
+    for axes in grid[:, 0]:
+        axes.set_ylabel(y_label)
+    return figure, list(grid.flat[:count])
+
+
+def figure_of_panel(name: str, heading: str, panel: Callable[[Axes], None], height: float, caption: str,
+                    alt: str) -> FigureSection:
+    """Of a report: its one panel may be drawn on other axes too."""
+    return FigureSection(name, heading, partial(on_one_panel, panel, height), caption, alt, panel)
 
 
 class _Decades(LogFormatterSciNotation):

@@ -19,13 +19,16 @@ from exactarm.report.plots.style import (
     label_with,
     legend_above,
     new_figure,
+    panel_per_axis,
     scaled,
 )
 
 MOST_POINTS = 600  # a trace; a report holds many
+DRAWN = 1e-6  # of the largest amplitude: below, no spectrum is drawn
 MICROMETRE = 1e-6  # one unit for errors that span many decades
 MOST_PLAIN = 1e3  # over more decades, three ticks each run into another
 _MARKERS = "osDv^P*X"
+_FRAMES = 7  # drawn along a path
 
 
 def over_weight(nu: np.ndarray, errors: Mapping[str, np.ndarray], bandwidth_hz: np.ndarray) -> Figure:
@@ -71,32 +74,19 @@ def trade_off(paths: Mapping[str, Mapping[str, tuple[np.ndarray, np.ndarray]]], 
     return figure
 
 
-def spectra_per_axis(frequency: np.ndarray, spectra: Mapping[str, np.ndarray],
-                     decades: float = 6.0) -> Figure:
+def spectra_per_axis(frequency: np.ndarray, spectra: Mapping[str, np.ndarray]) -> Figure:
     """Amplitudes label -> (M, n) rad/s^2 over frequency (M,), one panel an axis; the highest of each narrow
     band is drawn."""
     count = next(iter(spectra.values())).shape[1]
-    columns = min(count, 3)
-    lines = -(-count // columns)
-    figure = new_figure(0.7 + 1.85 * lines)
-    panels = figure.subplots(lines, columns, sharex=True, sharey=True, squeeze=False)
+    figure, panels = panel_per_axis(count, 0.7, 1.85, True, "frequency [Hz]", "amplitude [rad/s²]")
     edges = np.unique(np.searchsorted(frequency, np.geomspace(frequency[0], frequency[-1], 240)))
     top = max(float(np.max(values)) for values in spectra.values())
-    for index, axes in enumerate(panels.flat):
-        if index >= count:
-            axes.set_visible(False)
-            continue
+    for index, axes in enumerate(panels):
         for (label, values), colour in zip(spectra.items(), CYCLE):
             axes.plot(frequency[edges], np.maximum.reduceat(values[:, index], edges), label=label,
                       color=colour, linewidth=1.0)
-        axes.set(xscale="log", yscale="log", title=f"axis {index + 1}")
-        axes.set_ylim(top * 10.0**-decades, 2.0 * top)
-        if index >= count - columns:
-            axes.set_xlabel("frequency [Hz]")
-            axes.tick_params(labelbottom=True)
-    for row in panels:
-        row[0].set_ylabel("amplitude [rad/s²]")
-    figure.legend(*panels.flat[0].get_legend_handles_labels(), loc="outside upper right", ncols=len(spectra))
+        axes.set(xscale="log", yscale="log", ylim=(DRAWN * top, 2.0 * top))
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=len(spectra))
     return figure
 
 
@@ -125,8 +115,7 @@ def histories(time: np.ndarray, panels: Sequence[tuple[str, str, Mapping[str, np
     return figure
 
 
-def path_in_space(desired: np.ndarray, calculated: np.ndarray, rotation: np.ndarray,
-                  frames: int = 7) -> Figure:
+def path_in_space(desired: np.ndarray, calculated: np.ndarray, rotation: np.ndarray) -> Figure:
     """Desired and calculated positions (N, 3) m, at some with the flange's axes, rotation (N, 3, 3)."""
     figure = new_figure(5.0, 6.2)
     axes = figure.add_subplot(projection="3d")
@@ -135,7 +124,7 @@ def path_in_space(desired: np.ndarray, calculated: np.ndarray, rotation: np.ndar
     axes.plot(*calculated[every].T, color=BLUE, linewidth=1.2, linestyle="--", label="calculated")
     length = 0.12 * float(np.ptp(desired, axis=0).max())
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(desired, axis=0), axis=1))])
-    for row in np.searchsorted(along, np.linspace(0.0, along[-1], frames)).clip(max=len(desired) - 1):
+    for row in np.searchsorted(along, np.linspace(0.0, along[-1], _FRAMES)).clip(max=len(desired) - 1):
         for k, colour in enumerate(CYCLE[1:4]):
             ends = np.stack([desired[row], desired[row] + length * rotation[row, :, k]])
             axes.plot(*ends.T, color=colour, linewidth=1.3,

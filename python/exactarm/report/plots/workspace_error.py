@@ -48,7 +48,7 @@ def _views(points: np.ndarray) -> tuple:
             ("from the side", radius, points[:, 2], ("distance from axis 1 [m]", "z [m]")))
 
 
-def distance_error_panel(length: np.ndarray, before: np.ndarray, after: np.ndarray, axes: Axes) -> None:
+def distance_error(length: np.ndarray, before: np.ndarray, after: np.ndarray, axes: Axes) -> None:
     """Error of the distance of two poses against the distance: median and the middle nine tenths of each
     tenth of the pairs."""
     size, unit = scaled(before, "m", after)
