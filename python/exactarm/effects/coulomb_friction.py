@@ -3,11 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
-from exactarm.effects.base import Change, Effect, Parameter
-from exactarm.effects.drive import DriveEffect, moving_axes
+from exactarm.effects.base import Change, Parameter
+from exactarm.effects.drive import DriveEffect
 
 
 @dataclass(frozen=True)
@@ -15,6 +14,7 @@ class CoulombFriction(DriveEffect):
     """Dry friction of one axis, beside what its tables declare."""
 
     name = "coulomb_friction"
+    unless_declared = "coulomb"
     plain = "dry friction that is not declared"
     sentence = "axis {joint} has {torque_Nm:.3g} Nm of dry friction that is not declared"
     source = "Armstrong-Helouvry, Dupont and Canudas de Wit 1994; thesis (2.22)"
@@ -24,7 +24,3 @@ class CoulombFriction(DriveEffect):
 
     def change(self, view) -> Change:
         return self.torque_change(view, [self.sign(view)], **self.slopes(view, by_sign=self.values[0]))
-
-    @classmethod
-    def candidates(cls, robot, view) -> Iterable[Effect]:
-        return (cls(i + 1, (0.0,)) for i in moving_axes(view) if robot.joints[i].coulomb is None)

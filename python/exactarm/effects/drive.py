@@ -10,6 +10,7 @@ from __future__ import annotations
 from abc import ABC
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -76,6 +77,7 @@ class DriveEffect(Effect, ABC):
     in_axis_units = True
     kinds = (MOTION.name,)
     compensable = False  # changes the torque that is needed, not where the arm goes
+    unless_declared: ClassVar[str] = ""  # field of a joint: no candidate where the tables have it
 
     def rate(self, view) -> np.ndarray:
         """(N,) motor rate on the output side, rad/s."""
@@ -110,7 +112,8 @@ class DriveEffect(Effect, ABC):
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
-        return (cls(i + 1, (0.0,) * len(cls(i + 1, ()).parameters())) for i in moving_axes(view))
+        return (cls(i + 1, (0.0,) * len(cls(i + 1, ()).parameters())) for i in moving_axes(view)
+                if not cls.unless_declared or getattr(robot.joints[i], cls.unless_declared) is None)
 
 
 def moving_axes(view) -> list[int]:

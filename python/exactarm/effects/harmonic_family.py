@@ -171,7 +171,8 @@ class HarmonicFamily(Effect):
         return self.curve_rad * orders / np.maximum(1.0, orders / _CURVE_KNEE) ** 1.5
 
     def parameter_label(self, parameter: Parameter) -> str:
-        return f"{self.label}_order_{self.values[0]:.0f}.{parameter.name}"
+        order = f"_order_{self.values[0]:.0f}" if self.repeatable else ""
+        return f"{self.label}{order}.{parameter.name}"
 
     def change(self, view) -> Change:
         order, multiple = self.values[0], np.arange(1, self.multiples + 1)

@@ -57,9 +57,6 @@ class LoadDependence(HarmonicFamily):
         return (Parameter("linear_rad_per_Nm", 5e-6, lower),
                 Parameter("friction_rad", 1e-4))[: len(self.values)]
 
-    def parameter_label(self, parameter: Parameter) -> str:
-        return f"{self.label}.{parameter.name}"
-
     def change(self, view) -> Change:
         if len(self.values) > 2:
             return super().change(view)

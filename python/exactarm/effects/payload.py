@@ -17,11 +17,11 @@ import numpy as np
 from exactarm import _core
 from exactarm.data.kinds import MOTION, POSES, TRACKED_MOTION
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.robot.pseudo_inertia import ENTRIES
 
 _MASS_FLOOR_KG = 1e-3
 # standard deviations that the mass must be away from zero, so that a moment over it has a meaning
 _CERTAIN = 2.0
-_SYMMETRIC = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # the order of the six inertias
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ def inertial(values) -> tuple[np.ndarray, np.ndarray]:
     square = mass**2 + _MASS_FLOOR_KG**2
     inverse, by_mass = mass / square, (_MASS_FLOOR_KG**2 - mass**2) / square**2
     second = s @ s * np.eye(3) - np.outer(s, s)
-    pick = lambda matrix: np.array([matrix[i, j] for i, j in _SYMMETRIC])
+    pick = lambda matrix: np.array([matrix[i, j] for i, j in ENTRIES])
     pi = np.concatenate([[mass], s, inverse * pick(second)])
     slope = np.zeros((10, 4))
     slope[:4] = np.eye(4)
@@ -119,7 +119,7 @@ def with_added(link, pi: np.ndarray):
     moved = lambda m, c: m * (c @ c * np.eye(3) - np.outer(c, c))
     about_origin = np.asarray(link.inertia, float) + moved(mass, centre)
     added = np.zeros((3, 3))
-    for value, (i, j) in zip(pi[4:], _SYMMETRIC):
+    for value, (i, j) in zip(pi[4:], ENTRIES):
         added[i, j] = added[j, i] = value
     total = mass + pi[0]
     moment = mass * centre + pi[1:4]

@@ -46,9 +46,6 @@ class SpeedDependence(HarmonicFamily):
             return super().parameters()
         return (Parameter("relative_s_per_rad", 0.2, -5.0, 5.0),)
 
-    def parameter_label(self, parameter: Parameter) -> str:
-        return f"{self.label}.{parameter.name}"
-
     def change(self, view) -> Change:
         if len(self.values) != 1:
             return super().change(view)
