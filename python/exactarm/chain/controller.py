@@ -13,8 +13,6 @@ Limits: at rest, in a direction that `approach` says (-1, 0, +1 an axis; 0 takes
 the measuring device, and those that tell of one record, are no part of where the arm is.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -16,8 +16,6 @@ motor angle jumps.
     An axis that never moves has the direction 0: the mean of both tables.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.interpolate import BSpline
 

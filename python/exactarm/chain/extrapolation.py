@@ -4,8 +4,6 @@ A curve of a gear says nothing about angles at which it was not estimated. Beyon
 of the nearer one, in a gap it is what its prior makes of it, and whoever reads a result must know.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm.effects.axis_units import slides

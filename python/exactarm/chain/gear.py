@@ -5,8 +5,6 @@ of both tables is taken, between the two their mixture Xi = (1 - d) / 2 Xi_cw + 
 (chain/direction.py). A direction without a table of its own uses the other one's.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm import _core

@@ -12,8 +12,6 @@ is gravity's; where no masses are declared, a measured torque is taken. The angl
 point as in static poses (chain/poses.py).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 

@@ -11,8 +11,6 @@ unbent motion. Rates are those of the motor over its ratio, plus the derivative 
 it, low-passed as the measured angles are.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 

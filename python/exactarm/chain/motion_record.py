@@ -12,8 +12,6 @@ Torque (N, n) in Nm on the output side: tau, or nominal ratio times tau_motor, o
 constant times current (1 Nm/A where no constant is declared). Axes whose torque was not measured hold NaN.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 

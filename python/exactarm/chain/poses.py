@@ -7,8 +7,6 @@ tangent of the fixed point follows from the implicit function theorem:
 Left out of the tangents: that geometry changes the gravity torque too (below 1 % of a geometry column).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

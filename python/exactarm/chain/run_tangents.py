@@ -5,8 +5,6 @@ The load is an unknown of the fixed point q(torque(q)), as in static poses:
     (I - B G) T_q = T_0 + B T_L,    B = dq/dtorque, G = dg/dq, T_L = direct tangent of the load.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The declared joint springs: deflection under a torque, tau = linear e + cubic e^3 (thesis (2.18))."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm.robot.robot import Robot

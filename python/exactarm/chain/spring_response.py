@@ -13,8 +13,6 @@ where a resonance is crossed and nowhere else. A cubic spring enters by its seca
 spring do not give way.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.linalg import solve_banded
 

@@ -12,8 +12,6 @@ and what is left must be no more than elsewhere. A delay shows only where an axi
 samples are worth keeping.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import ndimage
 

@@ -5,8 +5,6 @@ dynamics, gravity and acceleration (quasi-static: they do not ring). From the jo
 static poses: geometry, base and tool frames, device.
 """
 
-from __future__ import annotations
-
 from exactarm.chain.layout import Layout
 from exactarm.chain.motion import motion_view
 from exactarm.chain.motion_record import MotionRecord, full_record

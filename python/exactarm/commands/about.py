@@ -6,8 +6,6 @@ measured = 2026-03-02                 instrument_u_mm = 0.015     # standard unc
 coordinate
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """What `evaluate --at POSES` adds: the 95 % ellipsoid of the target's error at every pose."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial

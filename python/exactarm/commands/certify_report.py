@@ -1,7 +1,5 @@
 """What `certify` says: keys of result.json and the page."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 from typing import Any

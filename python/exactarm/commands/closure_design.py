@@ -1,8 +1,6 @@
 """What `exactarm design --contact socket` says: where to put a fixture of two seats, and the poses that touch
 them; for a gravity sensor the poses to read it in; for a camera where to put the board, and the poses."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm.commands.calibrate import dropped_table

@@ -11,8 +11,6 @@ Between the knots the motors follow the quintic spline through the motor angles 
 error is that at the knots and that of the instants between them, at `BETWEEN` times the rate of the path.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass, replace
 from functools import partial

@@ -1,7 +1,5 @@
 """What `compensate` hands back of its corrections: compensation.csv, result.json, the page."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 

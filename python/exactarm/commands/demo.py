@@ -1,7 +1,5 @@
 """`exactarm demo`: every command once, on the shipped measured data and on virtual robots."""
 
-from __future__ import annotations
-
 import argparse
 import re
 import time

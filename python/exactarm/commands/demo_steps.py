@@ -3,8 +3,6 @@
 `{example/...}` is a file that comes with the package, `{out/STEP/...}` a file that an earlier step wrote.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

@@ -1,8 +1,6 @@
 """What `exactarm design --for RESULT.json` says: the experiment that a diagnosis has planned, as poses to
 drive."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

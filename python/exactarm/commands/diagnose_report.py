@@ -1,8 +1,6 @@
 """The report of a diagnosis: verdict, what to do next, the causes one line each, their curves, then the
 evidence."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

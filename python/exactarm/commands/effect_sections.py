@@ -1,8 +1,6 @@
 """Found effects as a technician reads them: one line each, their curves, their strongest orders, their sizes
 at the tool."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 from typing import Any

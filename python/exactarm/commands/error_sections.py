@@ -1,7 +1,5 @@
 """What every command shows of errors before and after: headline numbers, table, per-row plot, histogram."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial

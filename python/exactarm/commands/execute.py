@@ -1,8 +1,6 @@
 """Runs one command from its words: parse, work, write. Used by the command line and by commands that run
 others."""
 
-from __future__ import annotations
-
 import argparse
 import difflib
 import shlex

@@ -1,8 +1,6 @@
 """What the report of `exactarm gear` shows: errors before and after, spectra, tables, both methods on
 held-out runs."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which causes a planned set of poses could tell, as a table, as columns and in result.json."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm.diagnose.isolability import CLEAR, Isolability

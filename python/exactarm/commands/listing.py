@@ -1,7 +1,5 @@
 """Which commands there are, read from the files of a package without importing them."""
 
-from __future__ import annotations
-
 import ast
 import functools
 import importlib

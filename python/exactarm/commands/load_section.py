@@ -1,8 +1,6 @@
 """What a result says of its loads: `load` in result.json, a line of the report, a warning of guessed ones;
 and of payloads that nobody weighed: `payloads` of result.json, a table, payloads.csv."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from exactarm.commands.result import CommandResult, estimate

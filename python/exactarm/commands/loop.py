@@ -6,8 +6,6 @@ frame (where the drawing's base frame was found), and the error is that of the m
 frames of two estimated models need not coincide, what the tracker sees does.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass, replace
 from functools import partial

@@ -6,8 +6,6 @@ temperature and place are visited again. Words alone: the experiment is the usua
 (which poses part two named causes: `diagnose/next_*.py`).
 """
 
-from __future__ import annotations
-
 from scipy import special
 
 from exactarm.data.kinds import kind_of

@@ -4,8 +4,6 @@ copy, which reads the files that the run has written.
 A paragraph that is one `command` alone is such a line; it stands on a line of its own, as long as it is.
 """
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

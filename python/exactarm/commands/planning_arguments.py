@@ -1,7 +1,5 @@
 """The arguments of commands that plan measurements: target, unknown frames, kind of measurement, box."""
 
-from __future__ import annotations
-
 import argparse
 import re
 from collections.abc import Sequence

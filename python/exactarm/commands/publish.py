@@ -1,7 +1,5 @@
 """From a `Outcome` to the files of a run and the text on the terminal."""
 
-from __future__ import annotations
-
 import platform
 import time
 from collections.abc import Callable, Iterable

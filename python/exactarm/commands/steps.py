@@ -5,8 +5,6 @@ and targets that it makes; where kinds of data differ, in between. Another arm o
 why time left is told as "about". A command may leave steps out.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from exactarm.design import design

@@ -1,7 +1,5 @@
 """The report of `exactarm study`: tables and the figures that the source shows, for every path."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 

@@ -1,8 +1,6 @@
 """First aid around the work of a command: what looks like a mistake of the user's is said with the result, or
 with the refusal."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 

@@ -4,8 +4,6 @@ Each function takes the arguments of the command, the virtual robot, the rows of
 and a random generator, and gives the rows as a file of that kind holds them.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass, field, replace
 

@@ -1,8 +1,6 @@
 """What the numbers of a column, and the columns of a file, have to be; InputError names file, row and
 column."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from difflib import get_close_matches

@@ -6,8 +6,6 @@ a unit that does not belong to it) is refused, and so is a payload or temperatur
 name is a covariate, kept as it is.
 """
 
-from __future__ import annotations
-
 import difflib
 import math
 import re

@@ -29,8 +29,6 @@ Another arm that the target touches, ball to ball (columns partner_q_i):
 not given. Without `session` an entry holds at every session. Lengths in m inside.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -5,8 +5,6 @@ brings the shape closest to its points (Kabsch 1976). The target is the first re
 its axes: x to the second, z across the plane of the first three. One reflector is a position.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import replace

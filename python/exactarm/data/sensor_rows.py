@@ -1,8 +1,6 @@
 """Rows whose contact needs no number: a reading of gravity at rest, a corner in a picture, angles of another
 arm mark them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import TypeVar
 

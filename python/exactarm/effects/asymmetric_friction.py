@@ -4,8 +4,6 @@ torque = coulomb_Nm sign(rate)^2 + viscous_Nm_s |rate|: half the difference betw
 the constant and the viscous part (Armstrong-Helouvry et al. 1994, 2.2).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from exactarm.effects.base import Change, Parameter

@@ -10,8 +10,6 @@ at rest on either flank. bias: only where the masses are generic (robot/generic_
 right in kind, and need not change its sign where the real one does.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

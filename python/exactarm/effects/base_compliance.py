@@ -4,8 +4,6 @@ The base turns by rad_per_Nm M_across, M the moment of gravity about the base or
 axis.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

@@ -1,8 +1,6 @@
 """Coulomb friction of a drive: torque_Nm sign(rate), constant in size and against the motion (Coulomb
 1785)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from exactarm.effects.base import Change, Parameter

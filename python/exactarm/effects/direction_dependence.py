@@ -4,8 +4,6 @@ The tables of both directions differ by twice the effect: f = direction of motio
 (chain/direction.py).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

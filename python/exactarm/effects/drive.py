@@ -5,8 +5,6 @@ the motor side of the spring. sign(rate) is smoothed to tanh(rate / width) (Ande
 rest being in no defined state of friction.
 """
 
-from __future__ import annotations
-
 from abc import ABC
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass

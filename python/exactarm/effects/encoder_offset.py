@@ -1,7 +1,5 @@
 """Encoder offset: the zero of an encoder behind the gear against the motor's, one for each run and axis."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from exactarm.data.kinds import GEAR_RUN

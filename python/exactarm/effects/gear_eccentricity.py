@@ -5,8 +5,6 @@ change of phi = c1 cos(phi) + s1 sin(phi) + c2 cos(2 phi) + s2 sin(2 phi), ampli
 part is an offset of the axis (the declared model has it).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

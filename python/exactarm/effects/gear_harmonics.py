@@ -6,8 +6,6 @@ them as one regularised curve of the output angle: between poses, a free Fourier
 same in both directions of motion. Orders of one rotating element and its multiples belong together.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

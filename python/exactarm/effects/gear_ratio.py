@@ -4,8 +4,6 @@ phi = Xi^{-1}(theta) with Xi proportional to the ratio; as a scale error s of th
 declared gear delivers: change of phi = s phi (theta = ratio / (1 + s) phi; thesis (2.11), (3.12)).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

@@ -7,8 +7,6 @@ generic (robot/generic_masses.py) and the load of the axis is not measured: it w
 nobody knows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

@@ -14,8 +14,6 @@ of a rail whose curvature is white noise: sd(A_k) = size (2 / k)^2, and turns as
 sd(B_k) = sd(A_k) k pi / R. Constant shifts and turns, and shifts in proportion to x, are the geometry's.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace

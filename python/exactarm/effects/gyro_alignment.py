@@ -5,8 +5,6 @@ omega_nominal. F turns the sensor upside down (half a turn about x) where its z 
 axis. Part of the declared model: re-identified, one pair of angles for each set-up and moving axis.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Gyroscope bias: a constant rate that the sensor reads at rest, per axis of the sensor."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

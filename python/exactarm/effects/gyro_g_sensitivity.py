@@ -9,8 +9,6 @@ from them: its column of K is held at zero. Either the row of the moving axis al
 three.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

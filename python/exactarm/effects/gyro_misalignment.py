@@ -4,8 +4,6 @@ From run `first_run` on the reading is turned by a small rotation vector (x, y; 
 while z is the moving axis). The constant tilt is part of the declared model (gyro_alignment).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Gyroscope scale: the sensor's sensitivity is off, measured = (1 + scale) rate, the same on all its axes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

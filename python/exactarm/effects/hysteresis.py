@@ -15,8 +15,6 @@ friction: Maxwell-slip element, Al-Bender et al. 2005), m = +-1 after a motion o
 is that of the motor at the nominal ratio, so m does not depend on other parameters.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ takes the motor's gear for: what a calibration finds for that gear is no part of
 per rad where the turned axis slides, rad per m where the motor's does; the key in files stays.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ part of the joint stiffness matrix across the axis that a torsion spring about i
 Weigold and Rothenbuecher 2007; Klimchik et al. 2013).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

@@ -11,8 +11,6 @@ zero. It acts in motions only. MASS is a plausible size, no measurement: casting
 their nominal weight, and cables, grease, covers and screws are in few drawings.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 

@@ -7,8 +7,6 @@ change = -linear torque + friction sign(rate), friction = linear times the torqu
 sign behind the same low-pass; no friction where the load comes from declared masses).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 

@@ -3,8 +3,6 @@
 torque = coefficient |joint torque| sign(rate) (Hamon, Gautier and Garrec 2010).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -11,8 +11,6 @@ C_2):
 tables'.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ names of parts are what gearboxes of robots have there (wave generator of a stra
 cycloidal one).
 """
 
-from __future__ import annotations
-
 _OUTPUT_ORDERS = 10.0  # below it a part on the output side, with few waves a turn, is likely
 _NEAR = 0.02  # of a motor revolution
 

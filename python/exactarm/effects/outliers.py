@@ -6,8 +6,6 @@ median / sqrt(median of chi2_3) times sqrt of the chi2_3 quantile that one good 
 this size would reach (Rousseeuw and Hubert 2011). It moves no prediction; it decides which rows count.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

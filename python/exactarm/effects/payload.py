@@ -7,8 +7,6 @@ Mass and first moment are the parameters, so that a mass of zero is no singular 
 of mass is c = s / m. The derivative of the joint torque is the regressor's (Atkeson, An and Hollerbach 1986).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 

@@ -4,8 +4,6 @@
 inertia_kg_m2 is about the motor shaft, beside what the tables declare.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

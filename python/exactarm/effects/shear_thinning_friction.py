@@ -5,8 +5,6 @@ it is sheared (power-law fluid with exponent 1/2; Reiner 1926; for robot gears S
 rest.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from exactarm.effects.base import Change, Parameter

@@ -8,8 +8,6 @@ a clamp) goes as far in that time, 1/T times as fast. Time constants between the
 logarithm.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm.data.kinds.base import is_a_series, rows_of_runs

@@ -5,8 +5,6 @@ Either the gear's whole error grows, e -> (1 + relative |phi_dot|) e, or one ord
 that is proportional to |phi_dot| (values: order, a, b as in gear_harmonics, per rad/s).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ Common to all steps is the search for the place and its interval, on what a fit 
 (step_place.py).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import ClassVar
 

@@ -13,8 +13,6 @@ as if a row were measured before the step, or after it; l is Student's law with 
 a wild row decides nothing. Every place is as likely as the others before any data.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import special
 

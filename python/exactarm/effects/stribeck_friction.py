@@ -3,8 +3,6 @@
 torque = breakaway_Nm sign(rate) exp(-(rate / velocity_rad_s)^2) (Stribeck 1902; Bo and Pavelescu 1982).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -15,8 +15,6 @@ Sources: Li and Zhao 2016 (structure), Bittencourt and Axelsson 2014 (friction a
 (gyroscope).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar

@@ -5,8 +5,6 @@ It shows at t what the motor did at t - delay: theta(t) -> theta(t - delay), a c
 samples; past its ends the run goes on as a straight line.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

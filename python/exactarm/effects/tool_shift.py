@@ -9,8 +9,6 @@ Touches of all sessions share one tool, so that the effect acts on all sessions 
 each session has a tool frame of its own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 

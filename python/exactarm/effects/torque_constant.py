@@ -4,8 +4,6 @@ off.
 reported = (1 + scale) true drive torque.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,8 +6,6 @@ of gear stages and bearings behind the motor are not whole numbers: the peaks of
 the angle are tried, too.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

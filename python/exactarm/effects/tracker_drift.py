@@ -6,8 +6,6 @@ shift (3,) m and turn (3,) rad, about the device's origin, a unit of x. Where th
 part of the frames of its set-up. Either the shift alone is estimated, or both: a tripod that settles tilts.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 

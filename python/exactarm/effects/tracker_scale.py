@@ -3,8 +3,6 @@
 A scale that is the same on all three axes is absorbed by the arm's geometry, so at most two are told at once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ measured += shift + turn x measured   on the rows of one session after `at` (tim
                                       the device's origin.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Viscous friction of a drive: coefficient_Nm_s rate, of the lubricant in gear and bearings (Newton)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

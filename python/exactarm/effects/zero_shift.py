@@ -4,8 +4,6 @@ q_j += shift   on the rows up to `after` (time or row) of one session, and on al
                joint offset beside the effect is that of the arm as it is now.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 

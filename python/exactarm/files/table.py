@@ -6,8 +6,6 @@ unreadable or empty file, names missing or given twice, rows of another length, 
 finite number or beyond 1e30. `write_table` is its inverse, exact to the last bit.
 """
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import io

@@ -7,8 +7,6 @@ Refused with one line that names the file: what cannot be read, is no text or no
 `DEEPEST` or holds a whole number beyond 64 bits, which TOML leaves to the reader and no double holds exactly.
 """
 
-from __future__ import annotations
-
 import math
 import tomllib
 from pathlib import Path

@@ -6,8 +6,6 @@ T_i M = W C_i is compared, T_i by the robot file. Mistakes of the arm are looked
 places that the pictures show in place of a tracker's. Nothing is corrected.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

@@ -7,8 +7,6 @@ A wrong sign or unit is rarely refused by a fit: it is absorbed by parameters th
 mistakes are tried on some rows first. It never corrects anything, and takes a fraction of a second.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 from exactarm.data.dataset import Dataset

@@ -4,8 +4,6 @@ Between encoders: the slope of theta_i over q_i is the gear ratio. Under a gyros
 is the rate of the moving motor over the ratio. What the slope is instead tells the mistake.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -8,8 +8,6 @@ Stacks (S, N, ...) of such fits are solved together: M and p_base stand at the 4
 coordinates share, and without them 3 unknowns are left.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm.numerics.rotation import nearest

@@ -7,8 +7,6 @@ masses: friction and payload come on top). It never corrects: what is said is sa
 as it stands.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

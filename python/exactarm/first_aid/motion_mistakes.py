@@ -6,8 +6,6 @@ left without raising any axis'. Friction that drives tells of a wrong sign by it
 from an axis. Declared masses, or the arm's size, tell of a wrong unit of torque.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache

@@ -6,8 +6,6 @@ frame, rows beside the wrong angles, the convention of the quaternion. Robot: an
 is shipped. `pose_mistakes` judges them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import combinations

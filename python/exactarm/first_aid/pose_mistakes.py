@@ -9,8 +9,6 @@ less; of an error that arms have, where it leaves less than the calibrated arm (
 tells: nothing is corrected.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

@@ -11,8 +11,6 @@ each axis' torque; the rest is free. Were the masses free, they would take a rat
 are left falls `LEAST_FALL` times.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

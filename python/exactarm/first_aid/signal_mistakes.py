@@ -4,8 +4,6 @@ time in another unit, torques beyond the drives' own, a column that stands still
 Thresholds leave room: an arm may go a little beyond its limits, but not half a range.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A mistake that the user may have made, and how much better the data fit without it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ What is compared needs no frames: the speed of the target as measured, and that 
 angles.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

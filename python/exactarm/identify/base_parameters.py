@@ -7,8 +7,6 @@ borne by the kept ones:   base = kept + K dropped.   Inertias and first moments 
 then rotor inertias, so that the groups read as text books have them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ longest one of the robot keeps its declared value. Every interval knows that wha
 drawing.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -8,8 +8,6 @@ Without a known length nothing tells a robot and its surroundings from a model o
 length is held.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

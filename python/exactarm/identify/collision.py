@@ -6,8 +6,6 @@ target); the reason is looked up in the geometry: frame i lies between axes i an
 where its alpha and beta vanish (modulo half a turn), and collinear where its a vanishes too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

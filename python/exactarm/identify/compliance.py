@@ -1,8 +1,6 @@
 """Which axes' springs a calibration estimates: those that carry a load that is known, and have no spring
 declared."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -14,8 +14,6 @@ linearised again at the result until it says what was predicted. Limits: the bod
 not the true ones.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 

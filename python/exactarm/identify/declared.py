@@ -5,8 +5,6 @@ base and tool frames of every session. Effects that the robot file carries are i
 values, or free where an earlier fit has estimated them.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

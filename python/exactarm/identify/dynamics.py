@@ -9,8 +9,6 @@ reversal,
 step 7. Swevers et al. 1997; Gautier 1991; Atkeson, An and Hollerbach 1986.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

@@ -8,8 +8,6 @@ Pereyra 1973) from several seeded starts, and the best end is kept. Orientation,
 rotation of the tool afterwards.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -9,8 +9,6 @@ moving axis.
 Both methods of finding orders are run and compared; the chosen one goes into the robot.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 

@@ -6,8 +6,6 @@ sides one offset for each run and axis. Not the ratio. Effects that the robot fi
 values.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm.chain import GearRecord, Layout

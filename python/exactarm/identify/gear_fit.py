@@ -4,8 +4,6 @@ Coefficients of gear tables are drawn towards their declared values with their p
 orders cannot be told apart on a short range, and would grow without bound against each other.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -7,8 +7,6 @@ long as less is left. Waves of a range that hardly holds one imitate a delay: no
 of the error asks for it.
 """
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial

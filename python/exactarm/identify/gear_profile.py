@@ -7,8 +7,6 @@ with weights sum rate^2 (count), which make the folded fit the fit of all sample
 beside the shortest period.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

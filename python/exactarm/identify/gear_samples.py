@@ -7,8 +7,6 @@ Kinematic error (E6): motor over ratio minus output. What the robot file carries
 this and other axes) comes from the effects of the chain.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

@@ -12,8 +12,6 @@ With the noise known, a parameter whose standard deviation exceeds its plausible
 estimate would be noise (the weakest direction first, in it the parameter that comes last in the order).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

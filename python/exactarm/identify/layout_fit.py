@@ -8,8 +8,6 @@ e (N, m): measured minus predicted; w (N,): square root of the information of a 
 Gaussian priors, those of many terms that regularise each other. The result depends on the arguments alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 

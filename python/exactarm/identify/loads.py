@@ -10,8 +10,6 @@ of all axes together,
 so that a compliance found under measured loads keeps its size where no torque is measured.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -5,8 +5,6 @@ than 3 % of the reach; what is further off is another robot, other columns or an
 first aid tries (`exactarm.first_aid.first_aid`).
 """
 
-from __future__ import annotations
-
 from exactarm.chain import Layout
 from exactarm.data.dataset import Dataset
 from exactarm.data.split import DEFAULT_SEED

@@ -8,8 +8,6 @@ Between parallel axes d, a and alpha of a frame leave one direction out, the til
 the line says which frame, how much, and what to write. Source: Rao's score test, to first order.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import special
 

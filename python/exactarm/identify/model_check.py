@@ -6,8 +6,6 @@ parameter imitates it is a gap: a way in which the arm can be wrong that the mod
 others it is said which declared parameters stand for them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

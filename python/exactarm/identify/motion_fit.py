@@ -4,8 +4,6 @@ Weights and parameters are estimated together (layout_fit.py); the intervals cou
 they are.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

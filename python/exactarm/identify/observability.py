@@ -10,8 +10,6 @@ it), and for a parameter of any other unit per 1000 times its plausible magnitud
 scaled parameter (1 mm, 1 mrad, the plausible magnitude) counts alike.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 

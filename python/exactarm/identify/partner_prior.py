@@ -8,8 +8,6 @@ sizes. A calibrated file is suspected where the partner as a mere drawing fits f
 the price of its parameters (Schwarz 1978), for effects that the arm lacks buy some of it too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

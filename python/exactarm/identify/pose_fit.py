@@ -4,8 +4,6 @@ Position and orientation carry different noise: two variances, estimated togethe
 (layout_fit.py).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

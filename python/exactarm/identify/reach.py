@@ -1,7 +1,5 @@
 """Length of the stretched arm: sum_i sqrt(a_i^2 + d_i^2), with the stroke of sliding axes; m."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm.robot.robot import Robot

@@ -5,8 +5,6 @@ everything else is estimated as if nothing were carried there; from these spring
 motion the drives feel it, with the links: where their masses are estimated too, a session has to be weighed.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

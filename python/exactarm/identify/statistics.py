@@ -1,7 +1,5 @@
 """Summary of Euclidean errors: n, mean, rms, max, min, std, all of the same rows."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

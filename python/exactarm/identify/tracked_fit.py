@@ -4,8 +4,6 @@ Of a run every k-th sample is taken, which is enough for what moves with the arm
 that, from all samples. Positions only: an orientation that the device may have measured too is left aside.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields, replace
 
 import numpy as np

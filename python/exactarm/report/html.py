@@ -5,8 +5,6 @@ have plain names (sections.py), and the page's content security policy lets no s
 fetched.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from pathlib import Path

@@ -4,8 +4,6 @@ A column of one unit shares one prefix, so that its numbers can be compared at a
 an interval has the digits that the interval allows (two of the half-width); a number without has three.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence

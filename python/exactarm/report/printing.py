@@ -4,8 +4,6 @@ Returns why it was not printed, "" where it was: a certificate is complete as HT
 failure.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -4,8 +4,6 @@ A revolute axis and a prismatic one have the same fields in other units. Lengths
 given in mm and degrees (`d_mm`, `alpha_deg`) by hand; exactarm itself writes m and rad.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

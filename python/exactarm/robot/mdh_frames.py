@@ -8,8 +8,6 @@ of frame i-1, so d = 0, and beta takes the inclination (Hayati and Mirmirani 198
 What the frames cannot carry, before the first axis and behind the last, is left to `base` and `tool`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

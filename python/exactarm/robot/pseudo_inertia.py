@@ -8,8 +8,6 @@ the triangle inequality of its principal moments follow. P is linear in the ten 
 m c, Ixx, Ixy, Ixz, Iyy, Iyz, Izz).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm.robot.robot import Link, Robot

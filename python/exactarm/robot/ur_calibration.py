@@ -10,8 +10,6 @@ Source of the format: files in public use; the maker does not document it. Limit
 were.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

@@ -11,8 +11,6 @@ target). The joint angle of the written file is the one that the controller repo
 offsets stand in the joints' origins. What URDF cannot carry is listed in a comment.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 from xml.sax.saxutils import quoteattr

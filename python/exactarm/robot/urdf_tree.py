@@ -4,8 +4,6 @@ Angles in rad, lengths in m, as URDF has them. Refused, with a line that names f
 joint between unknown links, more than one root, a loop, numbers that are none, a chain that branches.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as xml
 from collections import Counter
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """Robot -> readable `.toml`, units in names, exact to the last bit; written whole or not at all."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterable, Mapping

@@ -4,8 +4,6 @@
     gear_run, motion, tracked_motion    several may be in one file; the first is analysed first
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from exactarm.data.kinds.base import Device, Kind, file_of

@@ -2,8 +2,6 @@
 sensor on the flange feels gravity (tilt_x, tilt_y; accel_x, accel_y, accel_z), a camera sees a board (u, v,
 picture, corner) or another arm is touched (partner_q_i)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm.data.columns import PICTURE

@@ -1,8 +1,6 @@
 """Gear runs: a time series of axes that turn, with a gyroscope behind the gears, or with encoders on both
 sides of them (theta_i beside q_i)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm.data.kinds.base import STANDS_STILL, Device, Kind, check_time, file_of, has, rows_of_runs

@@ -1,7 +1,5 @@
 """A daily check: the statistic of the test against its boundary, and how far the poses have moved."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure

@@ -1,8 +1,6 @@
 """What a compensation moved by how much: arrows in the work space, and the size of each target's
 correction."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.figure import Figure
 

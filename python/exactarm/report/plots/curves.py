@@ -1,7 +1,5 @@
 """Curves over time or any other abscissa, one panel or one per axis of the robot."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,8 +1,6 @@
 """What each found effect does: its curve with band over its own signal, and the sizes of all of them at the
 tool."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

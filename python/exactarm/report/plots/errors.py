@@ -1,7 +1,5 @@
 """Error of every pose (or run) before and after, and how often which error occurs."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 

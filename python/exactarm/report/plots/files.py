@@ -1,7 +1,5 @@
 """Draws the figures of a report once each, as SVG (also put into the page) and as PNG."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

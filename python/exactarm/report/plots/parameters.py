@@ -1,7 +1,5 @@
 """Parameters with their intervals, singular values."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

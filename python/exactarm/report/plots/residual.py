@@ -1,7 +1,5 @@
 """A residual against the signal that it follows, and its spectrum."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

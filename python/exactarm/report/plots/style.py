@@ -3,8 +3,6 @@
 Grey is before, blue is after, orange is what was never fitted (validation), green a noise floor.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """How far off the target may be, pose by pose: half axes of the 95 % ellipsoid, shortest to longest."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 

@@ -1,8 +1,6 @@
 """Accuracy against control effort: errors and bandwidths over a weight, trade-off curves, stacked histories,
 a path in space."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

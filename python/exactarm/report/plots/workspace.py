@@ -1,7 +1,5 @@
 """Poses in the workspace, seen from above and from the side."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

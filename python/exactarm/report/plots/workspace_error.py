@@ -1,8 +1,6 @@
 """Errors over the work space, before and after on one scale: seen from above and from the side; and errors of
 distances."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
