@@ -14,8 +14,6 @@ drawing as prior (exactarm.identify.closure_fit). Places may be given instead. T
 file.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -113,8 +111,7 @@ def _places(robot: Robot, space: PoseSpace, options: ClosureDesignOptions,
     return find_places(
         centres, lambda centre, _: _place(robot, space, centre, options.apart, random), options, CANDIDATES,
         shown=f"{_LEAST_POSES} of {_STARTS} random poses reach either seat", expected="well inside the reach",
-        enough="reached in enough poses: enlarge --box",
-    )
+        enough="reached in enough poses: enlarge --box")
 
 
 def find_places(
@@ -232,10 +229,8 @@ class _Model:
     def __init__(self, robot: Robot, places: list[_Place], options: ClosureDesignOptions):
         self.robot, self.places, self.options = robot, places, options
         sessions = range(1, len(places) + 1)
-        seats = tuple(
-            Socket(None, tuple(float(x) for x in seat), session, number)
-            for session, place in zip(sessions, places) for number, seat in enumerate(place.seats)
-        )
+        seats = tuple(Socket(None, tuple(float(x) for x in seat), session, number)
+                      for session, place in zip(sessions, places) for number, seat in enumerate(place.seats))
         tool = Target(None, tuple(float(x) for x in robot.tool.position), tuple(sessions), shared=True)
         fixture = Fixture((Distance("socket", (0, 1), options.apart),))
         setup, geometry = Layout.of((*seats, tool)), geometry_layout(robot)
@@ -287,13 +282,11 @@ class _Model:
         order = np.concatenate([
             _in_short_way(space, self.q,
                           picked[(self.session[picked] == place + 1) & (self.socket[picked] == seat)])
-            for place in chosen for seat in (0, 1)
-        ])
+            for place in chosen for seat in (0, 1)])
         return ClosureDesign(
             self.q[order], np.array([number[s - 1] for s in self.session[order]]), self.socket[order],
             {(number[place], k): seat for place in chosen for k, seat in enumerate(self.places[place].seats)},
-            errors, self.found, space,
-        )
+            errors, self.found, space)
 
 
 def _in_short_way(space: PoseSpace, q: np.ndarray, rows: np.ndarray) -> np.ndarray:

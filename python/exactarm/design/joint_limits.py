@@ -7,8 +7,6 @@ limit has that of a column. Measured rows are not asked: the arm was there, and 
 its file says.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

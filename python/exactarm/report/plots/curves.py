@@ -44,8 +44,7 @@ def curves_per_axis(x: np.ndarray, traces: Mapping[str, np.ndarray], *, unit: st
             axes.set_ylim(0.5 * (low + high - least), 0.5 * (low + high + least))
     figure.align_ylabels(panels[:: min(count, 3)])
     if len(traces) > 1:
-        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right",
-                      ncols=len(traces))
+        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=len(traces))
     return figure
 
 
