@@ -93,8 +93,7 @@ class _Place:
 
 
 def design_closures(robot: Robot, options: ClosureDesignOptions = ClosureDesignOptions()) -> ClosureDesign:
-    """The places and poses. Raises InputError where a given place is out of reach or the poses are too
-    few."""
+    """The places and poses. Raises InputError where a given place is out of reach or poses are too few."""
     require_geometry(robot)
     random = np.random.default_rng(options.seed)
     robot = replace(at_base(robot), effects=())
@@ -189,8 +188,7 @@ class MeanVariance(Criterion):
 
 def work_space_weight(robot: Robot, layout: Layout, options: ClosureDesignOptions,
                       plausible: np.ndarray) -> np.ndarray:
-    """Mean J'J of the target over the work space, by geometry alone: contacts and tool belong to the
-    fixture."""
+    """Mean J'J of the target over the work space, by geometry alone: contacts and tool are the fixture's."""
     space = PoseSpace.of(robot, options.box, options.clearance)
     q = space.draw(_WORK_SPACE, np.random.default_rng(options.seed))
     free = tuple(np.zeros_like(mask) if isinstance(effect, (Contact, Target)) else mask

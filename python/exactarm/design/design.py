@@ -112,8 +112,7 @@ def design_poses(robot: Robot, options: DesignOptions = DesignOptions(),
 
 def reference_identifiability(model: PlannedModel, blocks: np.ndarray,
                               count: int | None = None) -> Identifiability:
-    """What random poses with the Jacobian `blocks` (N, r, P) identify; the noise is taken as that of `count`
-    poses."""
+    """What random poses with the Jacobian `blocks` (N, r, P) identify, with the noise of `count` poses."""
     poses = len(blocks)
     return select_identifiable(blocks.reshape(-1, blocks.shape[-1]), model.names,
                                keep_first=model.frame_count, poses=poses,

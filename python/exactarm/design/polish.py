@@ -16,8 +16,7 @@ from exactarm.design.criterion import Criterion, information_of, squared
 
 @dataclass(frozen=True)
 class PolishOptions:
-    """Rounds, neighbours of each setting in a round, spread of the first and last round (part of the
-    range)."""
+    """Rounds, neighbours of each setting in a round, spread of first and last round (part of the range)."""
 
     rounds: int = 16
     neighbours: int = 10

@@ -103,7 +103,6 @@ class PoseSpace:
         return np.concatenate(found)[:count]
 
     def _joint_angles(self, q: np.ndarray) -> np.ndarray:
-        """What the arm really turns to when the controller reports q (gear ripple and deflection left
-        out)."""
+        """What the arm really turns to when the controller reports q (without gear ripple and deflection)."""
         theta = (q - self.robot.controller_offsets) * self.robot.controller_ratios
         return theta / self.robot.ratios + self.robot.offsets

@@ -83,8 +83,7 @@ class Found:
 
 def find_gear(robot: Robot, data: Dataset, record: GearRecord, axis: int, identification: np.ndarray,
               method: str, threads: int = 1) -> tuple[Robot, Found | None]:
-    """The robot, with a delay of the record where one shows, and what one axis gives; None where too few
-    rows identify."""
+    """The robot, with a delay of the record where one shows, and what one axis gives; None: too few rows."""
     estimated = lambda arm: _estimated(robot, *gear_samples(arm, data, record, axis, identification, threads),
                                        method, threads)
     found = estimated(robot)

@@ -27,8 +27,7 @@ LEAST_SHARE = 0.5  # of the square sum of measured torques that gravity must exp
 
 
 def with_loads(robot: Robot, data: Dataset) -> Robot:
-    """The robot to analyse data with: generic masses where a place is measured, declared ones alone behind
-    gears and drives."""
+    """The robot to analyse data with: generic masses where a place is measured, else declared ones alone."""
     if not kind_of(data.kind).shows_generic_loads:
         return with_declared_masses(robot)
     guessed = with_generic_masses(robot)

@@ -17,8 +17,7 @@ WORST_SHARE = 0.03  # of the reach, RMS with the frames fitted
 
 
 class Mismatch(InputError):
-    """Robot and data do not match. refusal: the line without its question; robot, rows, carried, seed: what
-    was compared."""
+    """Robot and data do not match. refusal: the line without its question; the others: what was compared."""
 
     def __init__(self, refusal: str, robot: Robot, rows: Dataset, carried: Layout, seed: int):
         super().__init__(f"{refusal}: is it another robot?", file=rows.first_file)

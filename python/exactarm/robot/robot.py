@@ -336,8 +336,7 @@ def _numbers(name: str, values: ArrayLike, shape: tuple[int, ...]) -> np.ndarray
 
 
 class ReportedAngles(Protocol):
-    """Kinematics and torques at the angles that a controller reports: chain/controller.py, which lies above a
-    robot."""
+    """Kinematics and torques at the angles that a controller reports: chain/controller.py, above a robot."""
 
     def forward(self, robot: Robot, q: np.ndarray, of: Point,
                 seen_from: Frame) -> tuple[np.ndarray, np.ndarray]: ...
