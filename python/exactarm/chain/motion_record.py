@@ -155,14 +155,14 @@ def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None
         raise InputError("a motion needs a time: expected the column time_s")
     torque, theta = measured_torque(robot, data), motor_angles(robot, data)
     rates = _given_rates(robot, data)
-    parts, steps = [], []
+    parts, steps, waves = [], [], any(joint.has_harmonics for joint in robot.joints)
+    each_period = rows_share * (_ROWS_WITH_HARMONICS if waves else _ROWS_PER_PERIOD)
     for rows in runs_in_time(data):
         step = typical_step(data.time[rows]) if rows.size > 1 else np.inf
         steps.append(step)
         time, angle = _on_an_even_clock(robot, data.time[rows], theta[rows])
         signals = (angle, torque[rows], *(() if rates is None else (rates[rows],)))
-        share = rows_share * _rows_per_period(robot)
-        stretches = [_Run(rows, step, bandwidth < _LARGEST / step, share, stretch)
+        stretches = [_Run(rows, step, bandwidth < _LARGEST / step, each_period, stretch)
                      for stretch in without_gaps(time, signals, FILLED_PERIODS / bandwidth)]
         if short := max(stretches, key=lambda run: run.stretch.time.size).too_short(bandwidth):
             raise InputError(short)
@@ -210,10 +210,6 @@ def default_bandwidth(robot: Robot, data: Dataset) -> float:
     softest = min(linalg.eigh(stiffness, mass, eigvals_only=True)[0]
                   for mass in _core.mass_matrix(robot.core, q))
     return float(np.clip(_BELOW_RESONANCE * np.sqrt(softest) / (2.0 * np.pi), _SLOWEST_HZ, BANDWIDTH_HZ))
-
-
-def _rows_per_period(robot: Robot) -> float:
-    return _ROWS_WITH_HARMONICS if any(joint.has_harmonics for joint in robot.joints) else _ROWS_PER_PERIOD
 
 
 def full_record(

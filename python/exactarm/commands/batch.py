@@ -39,7 +39,7 @@ from exactarm.files.examples import file_or_example
 from exactarm.files.file_bytes import file_bytes
 from exactarm.files.table import parquet_table
 from exactarm.progress import SILENT, Progress
-from exactarm.report import Cell, Highlight, Highlights, Link, Quantity, Report, Table
+from exactarm.report import Highlight, Highlights, Link, Quantity, Report, Table
 
 NAME = "batch"
 HELP = "many robots from one table: one summary, and only what is new is computed"
@@ -302,7 +302,8 @@ def _report(ended: Sequence[Outcome]) -> Report:
     judged = any(outcome.verdict for outcome in ended)  # of a diagnosis
     row = lambda o: (o.name, o.command, o.robot, o.state, *([o.verdict.replace("_", " ")] if judged else []),
                      Quantity(o.before_rms, o.unit),
-                     Quantity(o.after_rms, o.unit), Quantity(o.seconds, "s"), _page(o))
+                     Quantity(o.after_rms, o.unit), Quantity(o.seconds, "s"),
+                     Link(f"{o.name}/report.html", "report") if o.state != "failed" else "")
     header = ("name", "command", "robot", "state", *(["verdict"] if judged else []), "RMS before",
               "RMS after", "time", "page")
     failures = tuple((o.name, o.why) for o in ended if o.state == "failed")
@@ -314,7 +315,3 @@ def _report(ended: Sequence[Outcome]) -> Report:
         Table("Jobs", header, tuple(row(outcome) for outcome in ended),
               "RMS on rows that were never fitted, where there are any."),
     ), "caution" if count["failed"] else "good")
-
-
-def _page(outcome: Outcome) -> Cell:
-    return Link(f"{outcome.name}/report.html", "report") if outcome.state != "failed" else ""

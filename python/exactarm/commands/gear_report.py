@@ -21,7 +21,7 @@ _MOST_MARKS = 6
 
 def gear_report(robot: Robot, result: GearIdentification, rule: str) -> Report:
     """Verdict, table, comparison of the methods, alignment, then figures and coefficients gear by gear."""
-    judge = _judging_set(result.gears)
+    judge = "validation" if any(gear.after["validation"].n for gear in result.gears) else "identification"
     before, after = (_pooled(result.gears, name, judge) for name in ("before", "after"))
     unit = result.gears[0].unit
     error = "transmission error" if unit == "rad" else "kinematic error"
@@ -36,10 +36,6 @@ def gear_report(robot: Robot, result: GearIdentification, rule: str) -> Report:
                 *(section for gear in result.gears for section in _gear_sections(gear, error)),
                 Warnings(result.warnings))
     return Report(f"Gears of {robot.name}", verdict, sections, "good" if fall else "caution")
-
-
-def _judging_set(gears) -> str:
-    return "validation" if any(gear.after["validation"].n for gear in gears) else "identification"
 
 
 def _pooled(gears, name: str, judge: str) -> float:

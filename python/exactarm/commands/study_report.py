@@ -143,7 +143,7 @@ def _figures(robot: Robot, path: str, kinds: Study) -> list[Figure]:
     shown = [cases[0], cases[len(cases) // 2], cases[-1]] if len(cases) > 2 else cases
     labels = [f"ν = {_power(case.nu)}" for case in shown]
     best, time = cases[0].plan, cases[0].plan.time
-    axis = _livelier(best, robot)
+    axis = int(np.argmax(np.abs(best.theta_ddot / robot.ratios).max(axis=0)))  # whose motor is livelier
     each = lambda pick: {label: pick(case) for label, case in zip(labels, shown)}
     per_axis = lambda values: {f"axis {i + 1}": values[:, i] for i in range(values.shape[1])}
     smallest = f"ν = {_power(cases[0].nu)}"
@@ -204,11 +204,6 @@ def _figures(robot: Robot, path: str, kinds: Study) -> list[Figure]:
 
 def _spectrum(robot: Robot, case: Case) -> tuple[np.ndarray, np.ndarray]:
     return amplitude(case.plan.theta_ddot / robot.ratios, case.plan.reference.step)
-
-
-def _livelier(plan, robot: Robot) -> int:
-    """The axis (from 0) whose motor acceleration is largest."""
-    return int(np.argmax(np.abs(plan.theta_ddot / robot.ratios).max(axis=0)))
 
 
 def _turned(robot: Robot, plan) -> np.ndarray:

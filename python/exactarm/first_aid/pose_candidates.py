@@ -44,18 +44,9 @@ def candidates(
         yield words, robot, changed
     for name in shipped_robots():
         other = load_robot(name)
-        if (
-            other.has_geometry
-            and other.axes == robot.axes
-            and other.name != robot.name
-            and _turns_alike(other, data)
-        ):
+        turns = "theta" not in data.joints or all(joint.has_gear for joint in other.joints)
+        if other.has_geometry and other.axes == robot.axes and other.name != robot.name and turns:
             yield f"data of {name}", replace(other, base=Placement(), tool=Placement()), data
-
-
-def _turns_alike(other: Robot, data: Dataset) -> bool:
-    """Whether `other` can turn the angles of the data into joint angles."""
-    return "theta" not in data.joints or all(joint.has_gear for joint in other.joints)
 
 
 def of_angles(robot: Robot, data: Dataset) -> Iterator[tuple[str, Dataset]]:

@@ -150,14 +150,11 @@ def identify_gears(
             "out, and stands in the robot file (time_delay) for logs by the same devices")
     intervals = dict(result.intervals)
     for gear in gears:
-        intervals[f"ratio_{gear.joint}"] = _interval(gear.estimate.ratio, gear.estimate.ratio_sigma)
+        ratio, half = gear.estimate.ratio, 1.96 * gear.estimate.ratio_sigma
+        intervals[f"ratio_{gear.joint}"] = float(ratio - half), float(ratio + half)
     return GearIdentification(
         replace(result, intervals=intervals), tuple(gears), tuple(held_out), tuple(alignments), method,
         tuple(warnings))
-
-
-def _interval(value: float, sigma: float) -> tuple[float, float]:
-    return float(value - 1.96 * sigma), float(value + 1.96 * sigma)
 
 
 def _with_tables(robot: Robot, axis: int, estimate: GearEstimate) -> Robot:

@@ -80,8 +80,8 @@ def fit_layout(predict: Predict, layout: Layout, weight: np.ndarray, sigma: np.n
         each = (weight[rows, None] / sigma).ravel()
         fit = least_squares(
             evaluate, x, weights=np.concatenate([each, np.ones(len(pull))]), bounds=bounds, robust=robust,
-            group=_group(alike), data_rows=each.size,
-            numbers=numbers, tolerance=tolerance if exact else max(tolerance, _ALONG))
+            group=int(np.bincount(alike).min()),  # what shares one variance shares a robust weight
+            data_rows=each.size, numbers=numbers, tolerance=tolerance if exact else max(tolerance, _ALONG))
         (last,) = latest.values()
         spent = _spent(last.jacobian[: each.size], weight[rows], sigma, alike, pull, fit)
         left = fit.clipped[: each.size].reshape(-1, components)
@@ -164,8 +164,3 @@ def priors_of(layout: Layout, drawing: Drawing | None = None) -> tuple[np.ndarra
         if name in drawing:
             centre[place], spread[place] = drawing[name]
     return centre, spread
-
-
-def _group(alike: np.ndarray) -> int:
-    """Components that share one variance share a robust weight."""
-    return int(np.bincount(alike).min())
