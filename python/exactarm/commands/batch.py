@@ -301,8 +301,7 @@ def _report(ended: Sequence[Outcome]) -> Report:
         f"because nothing had changed, {count['failed']} failed.{first}{more}")
     judged = any(outcome.verdict for outcome in ended)  # of a diagnosis
     row = lambda o: (o.name, o.command, o.robot, o.state, *([o.verdict.replace("_", " ")] if judged else []),
-                     Quantity(o.before_rms, o.unit),
-                     Quantity(o.after_rms, o.unit), Quantity(o.seconds, "s"),
+                     Quantity(o.before_rms, o.unit), Quantity(o.after_rms, o.unit), Quantity(o.seconds, "s"),
                      Link(f"{o.name}/report.html", "report") if o.state != "failed" else "")
     header = ("name", "command", "robot", "state", *(["verdict"] if judged else []), "RMS before",
               "RMS after", "time", "page")

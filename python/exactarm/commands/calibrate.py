@@ -112,9 +112,8 @@ def calibrate(robot: AnyRobot, data: AnyData, *, use: Literal["auto", "position"
 def run(arguments: argparse.Namespace) -> CommandResult:
     return calibrate(
         arguments.robot, arguments.files, use=arguments.use, compliance=_axes(arguments.compliance),
-        robust=arguments.robust,
-        seed=arguments.seed, threads=arguments.threads, kind=arguments.kind, fixture=arguments.fixture,
-        sessions=arguments.sessions, progress=arguments.progress)
+        robust=arguments.robust, seed=arguments.seed, threads=arguments.threads, kind=arguments.kind,
+        fixture=arguments.fixture, sessions=arguments.sessions, progress=arguments.progress)
 
 
 CALIBRATORS = {POSES.name: identify_geometry, CLOSURES.name: calibrate_closures}
@@ -210,8 +209,7 @@ def _report(robot: Robot, data: Dataset, result: Calibration, rule: str) -> Repo
     sections = (
         highlights(result.before, result.after, unit),
         next_steps(robot, kind_of(data.kind), before.mean, after.mean, after.rms > WORSE * before.rms),
-        error_table(result.before, result.after, unit, what.capitalize(), note),
-        *known,
+        error_table(result.before, result.after, unit, what.capitalize(), note), *known,
         *error_figures(result.error_before, result.error_after, result.identification, unit, what, row),
         *_parameter_sections(robot, result), dropped_table(result.identifiability.dropped),
         Warnings(result.warnings))

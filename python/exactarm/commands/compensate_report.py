@@ -134,8 +134,7 @@ def _figures(corrections: Sequence[Correction]) -> tuple[Figure, ...]:
     sizes = np.linalg.norm(shifts, axis=1)
     return (
         Figure(
-            "correction_view", "What moved",
-            partial(shift_view, points[good], shifts[good]),
+            "correction_view", "What moved", partial(shift_view, points[good], shifts[good]),
             "Targets (of the flange) in the base frame of the controller; arrows: how their commands moved.",
             "targets with arrows of their corrections, from above and from the side"),
         Figure("correction_per_target", "By how much", partial(shift_per_target, sizes),

@@ -155,8 +155,7 @@ def _row(result: Diagnosis, finding: Finding, contribution: Contribution | None)
     return [
         _cause(effect), "" if effect.joint is None else str(effect.joint), measure, size,
         None if tool is None else Quantity(1e6 * tool, "µm"),
-        None if share is None else f"{100.0 * share:.0f} %",
-        percent(finding.probability),
+        None if share is None else f"{100.0 * share:.0f} %", percent(finding.probability),
         ", ".join(f"{_label(other).replace('_', ' ')} ({percent(_probability(other))})" for other in others)]
 
 

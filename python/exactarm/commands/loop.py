@@ -115,8 +115,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         rounds.append(_execute(name, model, drawn, virtual, path, arguments.threads))
         arguments.progress.step(note=name)
     return CommandResult(
-        json=_json(rounds, diagnosis),
-        report=_report(robot, path, rounds, diagnosis, hidden),
+        json=_json(rounds, diagnosis), report=_report(robot, path, rounds, diagnosis, hidden),
         robot=diagnosis.robot,
         tables={"tracking.csv": {f"error_{r.name.replace(' ', '_')}_m": r.error for r in rounds}},
         texts={"truth.toml": robot_text(virtual.true)})

@@ -296,8 +296,7 @@ def _join(files: Sequence[_File], robot: Robot) -> Dataset:
     visit = _shared_numbers(files, "visit") if any(file.get("visit") is not None for file in files) else None
     data = Dataset(
         kind="", kinds=(), axes=robot.axes, joints=joints, session=_shared_numbers(files, "session"),
-        run=_distinct_runs(files),
-        file_index=np.repeat(np.arange(len(files)), rows),
+        run=_distinct_runs(files), file_index=np.repeat(np.arange(len(files)), rows),
         row=np.concatenate([np.arange(1, count + 1) for count in rows]),
         time=_since_the_start(stack(("time", None))) if ("time", None) in first else None,
         position=vector(POSITION), rotation=_rotation(files, vector), rotation_vector=vector(ROTATION_VECTOR),
@@ -305,8 +304,7 @@ def _join(files: Sequence[_File], robot: Robot) -> Dataset:
         identification=stack(("set", None)) == "identification" if ("set", None) in first else None,
         contacts={name: mark(name) for name in CONTACTS if (name, None) in first},
         length=stack(("length", None)) if ("length", None) in first else None,
-        covariates={key: stack(key) for key in first if isinstance(key, str)},
-        flange=robot.controller.flange,
+        covariates={key: stack(key) for key in first if isinstance(key, str)}, flange=robot.controller.flange,
         sources=tuple(Source(file.path, file.table.sha256, file.table.rows) for file in files),
         tilt=vector(TILT), accel=vector(ACCEL), pixel=vector(PIXEL), partner=_side_by_side(partner),
         **{name: mark(name) for name in PICTURE if (PIXEL[0], None) in first})

@@ -123,10 +123,9 @@ def identify_dynamics(robot: Robot, data: Dataset, options: DynamicsOptions = Dy
         after = {name: fit.residual(record, options.threads) for name, record in records.items()}
     dropped = tuple(_structurally(base)) * options.inertial + unexcited
     return DynamicsIdentification(
-        robot=with_estimates(fit.robot, fit.layout, fit.intervals),
-        fit=fit, base=base, dropped=dropped, records=records, before=before, after=after,
-        unconstrained=unconstrained, identification=identification, inertial=options.inertial,
-        declared_bodies=declares_bodies(robot),
+        robot=with_estimates(fit.robot, fit.layout, fit.intervals), fit=fit, base=base, dropped=dropped,
+        records=records, before=before, after=after, unconstrained=unconstrained,
+        identification=identification, inertial=options.inertial, declared_bodies=declares_bodies(robot),
         warnings=(*_warnings(fit, data, unsettled), *reversals_left_out(records.values())),
         payloads=session_payloads(data, fit.layout, fit.intervals))
 

@@ -110,8 +110,7 @@ def select_identifiable(jacobian: np.ndarray, names: Sequence[ParameterId], *, k
     indices = observability(np.linalg.svd(scaled, compute_uv=False), poses or max(len(jacobian) // 3, 1))
     rank = {name: place for place, name in enumerate(names)}
     return Identifiability(
-        names, mask,
-        tuple(sorted(dropped, key=lambda entry: rank[entry.name])),
+        names, mask, tuple(sorted(dropped, key=lambda entry: rank[entry.name])),
         _all_singular_values(unit, len(names)),
         float(kept_values[0] / kept_values[-1]) if kept_values.size and kept_values[-1] > 0.0 else np.inf,
         indices, deviations)
