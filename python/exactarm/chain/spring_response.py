@@ -87,11 +87,11 @@ class SpringResponse:
             blocks[2][:first] = still[:first]
             now, swings = slice(first - 1, -1), rows[first - 1 : -1]
             for block, s, d, m in zip(blocks, _STIFF, _DAMPED, _MASSIVE):
-                block[first:] = s * still[now] + d / h * (self.by_rate[swings]
-                                                          + damping) + m / h**2 * self.mass[swings]
+                block[first:] = (s * still[now] + d / h * (self.by_rate[swings] + damping)
+                                 + m / h**2 * self.mass[swings])
             mean = right.copy()
-            mean[first:] = _STIFF[0] * right[first
-                                             - 2 : -2] + _STIFF[1] * right[now] + _STIFF[2] * right[first:]
+            mean[first:] = (_STIFF[0] * right[first - 2 : -2] + _STIFF[1] * right[now]
+                            + _STIFF[2] * right[first:])
             flat = mean.reshape(len(rows) * n, -1)
             band = _banded(blocks, self.elastic)
             e[rows] = solve_banded((3 * n - 1, n - 1), band, flat, check_finite=False).reshape(right.shape)

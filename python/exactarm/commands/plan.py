@@ -47,9 +47,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("path", metavar="PATH", help="path file (.toml), or line or spiral")
     parser.add_argument("--rate", metavar="HZ", type=float,
                         help="samples a second (default: that of the path)")
-    parser.add_argument("--duration", metavar="S", type=float, help="duration in s (default: that of the "
-                                                                    "path); stretches the times of "
-                                                                    "via-points too")
+    parser.add_argument("--duration", metavar="S", type=float,
+                        help="duration in s (default: that of the path); "
+                             "stretches the times of via-points too")
     parser.add_argument("--nu", type=float, help="weight of the input (default: that of the path)")
     for key, options in CHOICES.items():
         parser.add_argument(f"--{key.replace('_', '-')}", choices=options, help="instead of the path's own")

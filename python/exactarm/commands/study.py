@@ -48,8 +48,8 @@ MOST_JERK_WEIGHT = 1e-10
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
     parser.add_argument("paths", metavar="PATH", nargs="+", help="path files (.toml), or line, spiral")
-    parser.add_argument("--nu", metavar="NU,NU,...", help="weights to compare, at least two (default: 1e-14 "
-                                                          "to 1e-6, a decade each)")
+    parser.add_argument("--nu", metavar="NU,NU,...",
+                        help="weights to compare, at least two (default: 1e-14 to 1e-6, a decade each)")
     parser.add_argument("--rate", metavar="HZ", type=float,
                         help="samples a second (default: that of the path)")
 
@@ -109,9 +109,8 @@ def _path(name: str, rate: float | None) -> PlannedPath:
 
 def _inputs(weights: tuple[float, ...]) -> list[tuple[str, float]]:
     """Kind of input and weight of the acceleration, all cases of a path."""
-    least = min(weights)
-    return [("acceleration", nu) for nu in weights] + [("jerk", nu) for nu in weights
-                                                       if nu <= max(MOST_JERK_WEIGHT, least)]
+    most = max(MOST_JERK_WEIGHT, min(weights))
+    return [*(("acceleration", nu) for nu in weights), *(("jerk", nu) for nu in weights if nu <= most)]
 
 
 def _study(robot: Robot, path: PlannedPath, weights: tuple[float, ...],

@@ -18,7 +18,8 @@ from exactarm.numerics.rotation import exp, left_jacobian, log, skew
 from exactarm.robot.controller_frames import apart, base_in_device, target_on_flange
 from exactarm.robot.robot import Placement
 
-_AXES = ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")
+_NAMES = tuple(f"{frame}_{axis}" for frame in ("base", "tool")
+               for axis in ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad"))
 
 
 @dataclass(frozen=True)
@@ -26,8 +27,7 @@ class Frames(Effect):
     """Base and tool frame of one session; `names`: which of their numbers are parameters."""
 
     session: int = 1
-    names: tuple[str, ...] = tuple(f"base_{axis}"
-                                   for axis in _AXES) + tuple(f"tool_{axis}" for axis in _AXES[:3])
+    names: tuple[str, ...] = _NAMES[:9]
 
     name = "frames"
     station = Station.GEOMETRY
@@ -39,9 +39,8 @@ class Frames(Effect):
     @staticmethod
     def of(session: int, base, tool, orientation: bool) -> Frames:
         numbers = np.concatenate([base.position, log(base.rotation), tool.position, log(tool.rotation)])
-        names = tuple(f"base_{axis}" for axis in _AXES) + tuple(f"tool_{axis}" for axis in _AXES)
         count = 12 if orientation else 9
-        return Frames(None, tuple(float(v) for v in numbers[:count]), session, names[:count])
+        return Frames(None, tuple(float(v) for v in numbers[:count]), session, _NAMES[:count])
 
     def carries_from(self, joint: int) -> np.ndarray:
         return np.array([name.startswith("base") for name in self.names])

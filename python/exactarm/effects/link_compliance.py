@@ -38,11 +38,10 @@ class LinkCompliance(Effect):
         at = gravity_moment(view, self.index)
         along = np.sum(at.axis * at.moment, axis=1)
         across = at.moment - at.axis * along[:, None]
-        along_by_q = np.einsum("ni,nij->nj", at.axis,
-                               at.moment_by_q) + np.einsum("ni,nij->nj", at.moment, at.axis_by_q)
-        across_by_q = at.moment_by_q - at.axis_by_q * along[:, None,
-                                                            None] - at.axis[:, :, None] * along_by_q[:, None,
-                                                                                                     :]
+        along_by_q = (np.einsum("ni,nij->nj", at.axis, at.moment_by_q)
+                      + np.einsum("ni,nij->nj", at.moment, at.axis_by_q))
+        across_by_q = (at.moment_by_q - at.axis_by_q * along[:, None, None]
+                       - at.axis[:, :, None] * along_by_q[:, None, :])
         value, by_q = turned_about(view, across, across_by_q, at.point, at.point_by_q)
         return Change(tuple(range(6)), compliance * value, value[:, :, None], {"q": compliance * by_q})
 

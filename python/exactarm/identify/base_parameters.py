@@ -76,8 +76,7 @@ def base_parameters(robot: Robot) -> BaseParameters:
     kept, dropped, nothing = _independent(matrix, _preference(n))
     K = (np.linalg.lstsq(matrix[:, kept], matrix[:, dropped], rcond=None)[0]
          if len(dropped) else np.zeros((len(kept), 0)))
-    names = tuple(column_name(c)
-                  for c in range(10 * n)) + tuple(f"rotor_inertia_{i + 1}_kg_m2" for i in range(n))
+    names = (*map(column_name, range(10 * n)), *(f"rotor_inertia_{i + 1}_kg_m2" for i in range(n)))
     return BaseParameters(np.array(kept, int), np.array(dropped, int), np.array(nothing, int), K, names)
 
 

@@ -24,8 +24,8 @@ SIDES = {"cw": -1.0, "ccw": 1.0}
 
 def declared_gear_layout(robot: Robot, data: Dataset, record: GearRecord) -> Layout:
     """Harmonics, sensor, and the effects on file."""
-    return harmonics_layout(robot, data, record).joined(sensor_layout(robot, data, record)).joined(
-                                carried_layout(robot, data, GEAR_RUN.name))
+    sensor, carried = sensor_layout(robot, data, record), carried_layout(robot, data, GEAR_RUN.name)
+    return harmonics_layout(robot, data, record).joined(sensor).joined(carried)
 
 
 def harmonics_layout(robot: Robot, data: Dataset, record: GearRecord) -> Layout:

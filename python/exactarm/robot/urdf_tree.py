@@ -150,8 +150,8 @@ def read_tree(path: str | Path, content: bytes | None = None) -> UrdfTree:
     carried: dict[str, list[UrdfJoint]] = {name: [] for name in links}
     for joint in joints:
         carried[joint.parent].append(joint)
-    children, ends = {name: tuple(below)
-                      for name, below in carried.items()}, {joint.child for joint in joints}
+    children = {name: tuple(below) for name, below in carried.items()}
+    ends = {joint.child for joint in joints}
     root = next(name for name in links if name not in ends)
     masses = {name: link for name, link in inertials.items() if link is not None}
     return UrdfTree(str(path), robot.get("name") or Path(path).stem, root, children, masses)

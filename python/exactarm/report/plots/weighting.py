@@ -127,13 +127,12 @@ def path_in_space(desired: np.ndarray, calculated: np.ndarray, rotation: np.ndar
             ends = np.stack([desired[row], desired[row] + length * rotation[row, :, k]])
             axes.plot(*ends.T, color=colour, linewidth=1.3,
                       label=f"{'xyz'[k]} axis of the flange" if row == 0 else None)
-    axes.set_xlabel("x [m]", labelpad=12), axes.set_ylabel("y [m]",
-                                                           labelpad=12), axes.set_zlabel("z [m]", labelpad=10)
     limits = np.array([axes.get_xlim(), axes.get_ylim(), axes.get_zlim()])
     centre, span = limits.mean(axis=1), np.ptp(limits, axis=1)
     span = np.maximum(span, 0.5 * span.max())  # room for the ticks of a short side
     for k, axis in enumerate("xyz"):
         getattr(axes, f"set_{axis}lim")(centre[k] - 0.5 * span[k], centre[k] + 0.5 * span[k])
+        getattr(axes, f"set_{axis}label")(f"{axis} [m]", labelpad=10 if axis == "z" else 12)
     axes.locator_params(nbins=4)
     axes.set_box_aspect(span, zoom=0.85)  # one scale
     axes.tick_params(labelcolor=INK, labelsize=8)
