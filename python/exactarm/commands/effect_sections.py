@@ -37,9 +37,9 @@ _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight"
             "twelve")
 
 
-def in_order(found: Sequence[tuple[Finding, Contribution | None]]) -> list[
-    tuple[Finding, Contribution | None]
-]:
+def in_order(
+    found: Sequence[tuple[Finding, Contribution | None]]
+) -> list[tuple[Finding, Contribution | None]]:
     """In the order of the chain, then of the axes."""
     return sorted(found, key=lambda pair: (pair[0].effect.station, pair[0].effect.joint or 0))
 

@@ -67,9 +67,8 @@ class Payload(Effect):
     def caveat(self, covariance):
         if self._weighs(covariance):
             return ""
-        return (
-            "this data tells its moment but not its mass apart from the lever arm: no centre of mass is given"
-        )
+        return ("this data tells its moment but not its mass apart from the lever arm: no centre of mass is "
+                "given")
 
     def _weighs(self, covariance) -> bool:
         return abs(self.values[0]) > max(_CERTAIN * np.sqrt(covariance[0, 0]), _MASS_FLOOR_KG)

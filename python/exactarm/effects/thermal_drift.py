@@ -175,9 +175,8 @@ class ThermalSensorDrift(ThermalDrift):
 
     def describe(self) -> str:
         size = float(np.linalg.norm(self.values))
-        return (
-            f"the bias of the gyroscope drifts by {size:.3g} rad/s per {self.unit} (it follows {self.driver})"
-        )
+        return (f"the bias of the gyroscope drifts by {size:.3g} rad/s per {self.unit} (it follows "
+                f"{self.driver})")
 
     @classmethod
     def of(cls, robot, view) -> Iterable[Effect]:

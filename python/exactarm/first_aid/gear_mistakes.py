@@ -197,8 +197,8 @@ def _somewhat_off(robot: Robot, shares: dict[int, float]) -> list[Suspicion]:
 
 def _smooth(values: np.ndarray) -> np.ndarray:
     width = max(1, min(25, len(values) // 20))
-    return np.convolve(np.pad(values, width // 2, mode="edge"), np.ones(width) / width, mode="same")[
-        width // 2 : width // 2 + len(values)]
+    padded = np.pad(values, width // 2, mode="edge")
+    return np.convolve(padded, np.ones(width) / width, mode="same")[width // 2 :][: len(values)]
 
 
 def _reading(slope: float) -> str:

@@ -28,9 +28,8 @@ from exactarm.robot_file import load_robot, shipped_robots
 
 _DEGREE = np.pi / 180.0
 _NOT_WORSE = 1.05
-_ALL_AXES_FALL = (
-    1.8  # product over the axes, for mistakes that all axes feel a little: gravity, units of angles
-)
+# product over the axes, for mistakes that all axes feel a little: gravity, units of angles
+_ALL_AXES_FALL = 1.8
 _LAGS_S = (0.01, 0.03, 0.1, 0.3, 1.0)  # tried first; what filters and buses delay is below a hundredth
 _DRIFTS = (0.0003, 0.001, 0.003, 0.01, 0.03)  # share of the time
 _TIMES = (0.4, 0.6, 0.8, 1.2, 1.5, 2.0, 3.0)  # by which all times could be too long

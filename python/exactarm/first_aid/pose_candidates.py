@@ -20,9 +20,8 @@ from exactarm.robot.robot import Placement, Robot
 from exactarm.robot_file import load_robot, shipped_robots
 
 MOST_AXES_FOR_SIGNS = 7  # all combinations of signs: 128; arms with more axes get single ones and pairs
-ANOTHER_SIZE = (
-    0.03  # of the lengths: arms of one maker differ by more, and no arm is off by so much as a whole
-)
+# of the lengths: arms of one maker differ by more, and no arm is off by so much as a whole
+ANOTHER_SIZE = 0.03
 # mm for m and another arm by far; beyond, the flange turns on its place, as a turntable's does: any unit fits
 FARTHEST_SIZE = 1e5
 _TURN = 2.0 * np.pi

@@ -39,16 +39,8 @@ from exactarm.robot.robot import Placement, Robot
 
 MOST_ROWS = 120  # of a session, evenly spread: a mistake shows in every row
 LEAST_ROWS = 10  # of a session: 30 numbers for the 15 unknowns of the linear fit
-_SCALES = (
-    0.5,
-    0.8,
-    0.9,
-    0.95,
-    1.05,
-    1.1,
-    1.25,
-    2.0,
-)  # wrong ratios of gears, from which the best one is looked for
+# wrong ratios of gears, from which the best one is looked for
+_SCALES = (0.5, 0.8, 0.9, 0.95, 1.05, 1.1, 1.25, 2.0)
 _SUSPICIOUS_SHARE = 0.005  # of the reach: a whole axis that turns wrongly leaves more
 _LEAST_SHARE = 5e-4  # of the reach: what a wrong clock leaves, less is an arm's own
 _CLOCK_GAP_S = 0.2  # at the end of a run: less may be a delay throughout, of which the library knows 0.1 s
@@ -92,12 +84,10 @@ def pose_mistakes(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -
     least = max(LEAST_ORIENTATION_RAD, 0.1 * np.nan_to_num(now.orientation))
     told = now.orientation > LEAST_ORIENTATION_RAD and now.position < 0.3 * least
     if not found and told and _turns_otherwise(bare, carried, data) > least:
-        found.append(
-            Suspicion(
-                f"the measured orientations do not follow the arm ({now.orientation:.2g} rad RMS beside "
-                f"{1e3 * now.position:.2g} mm): "
-                "are they angles of another convention, a quaternion in another order, or rows shuffled?",
-                np.inf, sentence=True))
+        found.append(Suspicion(
+            f"the measured orientations do not follow the arm ({now.orientation:.2g} rad RMS beside "
+            f"{1e3 * now.position:.2g} mm): are they angles of another convention, a quaternion in another "
+            "order, or rows shuffled?", np.inf, sentence=True))
     return in_order(found)
 
 
@@ -252,14 +242,13 @@ def _changes_midway(bare: Robot, carried: Layout, data: Dataset, now: Misfit) ->
         rough = places[int(np.argmax(falls(places)))]
         near = (last - LEAST_ROWS) // _SPLITS + 1
         places = np.arange(max(rough - near, LEAST_ROWS), min(rough + near, last) + 1)
-        best = max(zip(falls(places), rows[places].tolist()))
-        if best[0] >= FALL and now.position / best[0] * FALL < min(
-            left_standing(data.select(part)) for part in (rows[rows < best[1]], rows[rows >= best[1]])
-        ):
-            at = best[1]
-            yield Suspicion(
-                f"another tool, target or device frame from about {data.place_of(at)} on (two sessions)",
-                best[0])
+        fall, at = max(zip(falls(places), rows[places].tolist()))
+        if fall < FALL:
+            continue
+        standing = min(left_standing(data.select(part)) for part in (rows[rows < at], rows[rows >= at]))
+        if now.position / fall * FALL < standing:
+            yield Suspicion(f"another tool, target or device frame from about {data.place_of(at)} on (two "
+                            "sessions)", fall)
 
 
 def _gross_rows(bare: Robot, carried: Layout, data: Dataset) -> Iterator[Suspicion]:

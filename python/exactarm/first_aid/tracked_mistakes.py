@@ -65,12 +65,9 @@ def clock_suspicions(found: Lags | None, run: str, device: str, much: float = MU
     if found.drifts:
         share = 1e2 * (found.last - found.first) / found.span
         return [Suspicion(f"{run}: {device} lags by {1e3 * found.first:.3g} ms at the beginning and by "
-                          f"{1e3 * found.last:.3g} ms in the end: does its "
-                          f"clock run {abs(share):.2g} % {'slower' if share > 0 else 'faster'}?",
-                          sentence=True)]
+                          f"{1e3 * found.last:.3g} ms in the end: does its clock run {abs(share):.2g} % "
+                          f"{'slower' if share > 0 else 'faster'}?", sentence=True)]
     if abs(found.first) > much:
-        return [
-            Suspicion(
-                f"{run}: {device} lags by {found.first:.3g} s throughout: do its samples begin at another "
-                "instant?", sentence=True)]
+        return [Suspicion(f"{run}: {device} lags by {found.first:.3g} s throughout: do its samples begin at "
+                          "another instant?", sentence=True)]
     return []

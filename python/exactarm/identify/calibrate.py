@@ -338,6 +338,5 @@ def _warnings(fit: PoseFit, data: Dataset, found: list):
             yield (f"session {session}: another minimum is as good, with the target at ({point}) mm on the "
                    f"flange: {advice}")
         if not 0.9 < frames.scale < 1.1:
-            yield (
-                f"session {session}: measured points spread {frames.scale:.3g} times as far as the model says"
-            )
+            yield (f"session {session}: measured points spread {frames.scale:.3g} times as far as the model "
+                   "says")

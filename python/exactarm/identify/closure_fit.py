@@ -272,8 +272,8 @@ def _finished(fit, prediction, sigma, keep, worth, weight, pull, tail, settled) 
     redundancy = numbers - float(_leverage(prediction, weight[:, None] * scale, pull).sum())
     freedom = max(int(round(redundancy)), 1)
     tails = TAIL_FREEDOM + square
-    slopes = ((TAIL_FREEDOM + count) * (1.0 / tails - 2.0 * square / np.maximum(count, 1) / tails**2))[
-        keep > 0]
+    slopes = (TAIL_FREEDOM + count) * (1.0 / tails - 2.0 * square / np.maximum(count, 1) / tails**2)
+    slopes = slopes[keep > 0]
     each = shares[keep > 0] / max(float(shares.sum()), 1.0)
     slope = float(slopes @ each)
     # few numbers for each parameter: Huber's correction of the next order (1981, 7.6)

@@ -233,9 +233,8 @@ def _alignments(data: Dataset, samples: GearSamples, setup) -> list[Alignment]:
 def _warnings(estimate: GearEstimate):
     joint, samples = estimate.samples.axis + 1, estimate.samples
     if not estimate.converged:
-        yield (
-            f"axis {joint}: ratio and harmonics did not settle on each other: check the data for gross errors"
-        )
+        yield (f"axis {joint}: ratio and harmonics did not settle on each other: check the data for gross "
+               "errors")
     if len(estimate.tables) == 1:
         side = next(iter(estimate.tables))
         yield (f"axis {joint} was measured in one direction ({side}) only: the other direction keeps its "

@@ -24,10 +24,8 @@ CHANCE = 1e-4  # of one such line in ten thousand calibrations of an arm that la
 
 def missing_tilts(robot: Robot, layout: Layout, data: Dataset, threads: int = 1) -> tuple[str, ...]:
     """One line for all frames that should have a beta; empty where the rows ask for none."""
-    frames = [
-        i for i in range(robot.axes - 1)
-        if robot.joints[i].beta is None and deviation_from_parallel(robot, i + 1, i + 2) < NEARLY_PARALLEL_RAD
-    ]
+    frames = [i for i, joint in enumerate(robot.joints[:-1]) if joint.beta is None
+              and deviation_from_parallel(robot, i + 1, i + 2) < NEARLY_PARALLEL_RAD]
     if not frames:
         return ()
     tilts = Layout.of(tuple(Geometry(i + 1, (0.0,), ("beta_rad",)) for i in frames))

@@ -81,11 +81,8 @@ class UrdfTree:
             if len(ways) > 1:
                 tips = [tip for joint in ways for tip in self.ends(joint.child)]
                 tips = [link, *tips] if any(joint.type in MOVING for joint in way) else tips
-                name = Path(self.path).name
-                message = (
-                    f"the chain branches at link {link}; expected a tip, as in {name}#TIP, of {_listed(tips)}"
-                )
-                raise InputError(message, file=self.path)
+                raise InputError(f"the chain branches at link {link}; expected a tip, as in "
+                                 f"{Path(self.path).name}#TIP, of {_listed(tips)}", file=self.path)
             if not ways:
                 return (*way, *self._way_to(link, self._fixed_end(link)))
             way.append(ways[0])
