@@ -115,9 +115,8 @@ class MotionPrediction:
         return self.record.torque - self.torque
 
 
-def predict_motion(
-    robot: Robot, layout: Layout, record: MotionRecord, *, tangents: bool = True, threads: int = 1, bent=None
-) -> MotionPrediction:
+def predict_motion(robot: Robot, layout: Layout, record: MotionRecord, *, tangents: bool = True,
+                   threads: int = 1, bent=None) -> MotionPrediction:
     """Drive torque on every row of `record` with the effects of `layout` in the chain.
 
     bent: `MotionView.bent` of the same motion, where that is known.
@@ -131,11 +130,8 @@ def predict_motion(
     return MotionPrediction(torque, jacobian, view, record)
 
 
-def motion_view(
-    robot: Robot, layout: Layout, record: MotionRecord, *, tangents: bool = True, threads: int = 1,
-    kind: str = MOTION.name,
-    bent=None,
-) -> MotionView:
+def motion_view(robot: Robot, layout: Layout, record: MotionRecord, *, tangents: bool = True,
+                threads: int = 1, kind: str = MOTION.name, bent=None) -> MotionView:
     """Motor angles, gears, loads, springs and joint angles with their rates: all signals up to the joints."""
     baked = layout.baked(robot)
     view = MotionView(baked, record.data, kind, threads, evaluated=(robot, layout, record), bent=bent)

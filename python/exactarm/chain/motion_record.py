@@ -212,9 +212,8 @@ def default_bandwidth(robot: Robot, data: Dataset) -> float:
     return float(np.clip(_BELOW_RESONANCE * np.sqrt(softest) / (2.0 * np.pi), _SLOWEST_HZ, BANDWIDTH_HZ))
 
 
-def full_record(
-    robot: Robot, data: Dataset, bandwidth_hz: float = BANDWIDTH_HZ, joints: np.ndarray | None = None
-) -> MotionRecord:
+def full_record(robot: Robot, data: Dataset, bandwidth_hz: float = BANDWIDTH_HZ,
+                joints: np.ndarray | None = None) -> MotionRecord:
     """Every row of `data`, angles as they are and nothing measured: only their rates pass the low-pass of the
     angles.
 

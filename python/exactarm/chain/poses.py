@@ -51,9 +51,8 @@ class PosePrediction:
         return np.concatenate([position, turned], axis=1)
 
 
-def predict_poses(
-    robot: Robot, layout: Layout, data: Dataset, *, tangents: bool = True, threads: int = 1
-) -> PosePrediction:
+def predict_poses(robot: Robot, layout: Layout, data: Dataset, *, tangents: bool = True,
+                  threads: int = 1) -> PosePrediction:
     """Prediction of every row of `data` with the effects of `layout` in the chain."""
     view = View(layout.baked(robot), data, POSES.name, threads)
     _joint_angles(view, layout, tangents)

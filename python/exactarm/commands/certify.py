@@ -110,10 +110,8 @@ def _followed(path: AnyData, arm: Robot) -> tuple[Dataset, ...]:
     return tuple(data_of(file, arm, TRACKED_MOTION.name) for file in files)
 
 
-def _certify(
-    arm: Robot, earlier: Robot, data: Dataset, followed: tuple[Dataset, ...], told: dict[str, Any], seed: int,
-    threads: int,
-) -> Certified:
+def _certify(arm: Robot, earlier: Robot, data: Dataset, followed: tuple[Dataset, ...], told: dict[str, Any],
+             seed: int, threads: int) -> Certified:
     rows = choose_rows((arm, earlier), data, seed)
     before, after = (judge(each, data, rows, seed, threads) for each in (earlier, arm))
     judged = data.select(rows.judged)

@@ -116,9 +116,8 @@ def planned_motions(nominal: Robot, known: Robot, path: PlannedPath, threads: in
     return motions | {"exactarm": Motion(plan.time, plan.theta, plan.q_desired)}
 
 
-def play(
-    virtual: VirtualRobot, method: str, motion: Motion, path: PlannedPath, engine: str, damping_s: float = 0.0
-) -> Played:
+def play(virtual: VirtualRobot, method: str, motion: Motion, path: PlannedPath, engine: str,
+         damping_s: float = 0.0) -> Played:
     """The flange of the true robot along a motor motion, at and between the knots."""
     time = np.linspace(motion.time[0], motion.time[-1], BETWEEN * (len(motion.time) - 1) + 1)
     theta, joints = (make_interp_spline(motion.time, values, k=5)(time)

@@ -42,10 +42,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_map(parser, "columns")
 
 
-def corners(
-    robot: AnyRobot, joints: str | Path, pictures: Sequence[str | Path], *, fixture: AnyFixture,
-    columns: dict[str, str] | None = None, seed: int = DEFAULT_SEED, progress: Progress = SILENT,
-) -> CommandResult:
+def corners(robot: AnyRobot, joints: str | Path, pictures: Sequence[str | Path], *, fixture: AnyFixture,
+            columns: dict[str, str] | None = None, seed: int = DEFAULT_SEED,
+            progress: Progress = SILENT) -> CommandResult:
     """One table of corners from pictures of a ChArUco board and the joint angles of each; `.data` holds it
     for the next command. fixture: with [board], marker_mm and dictionary. Nothing in it is random."""
     arm = robot_of(robot)

@@ -46,11 +46,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_sessions(parser)
 
 
-def diagnose(
-    robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, threads: int | None = None,
-    kind: str | None = None,
-    fixture: AnyFixture = None, sessions: str | Path | None = None, progress: Progress = SILENT,
-) -> CommandResult:
+def diagnose(robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, threads: int | None = None,
+             kind: str | None = None, fixture: AnyFixture = None, sessions: str | Path | None = None,
+             progress: Progress = SILENT) -> CommandResult:
     """Finds what the model lacks: the effects behind the residual, their size, certainty, and error before
     and after.
 

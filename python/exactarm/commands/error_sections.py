@@ -15,10 +15,8 @@ from exactarm.report.plots.style import figure_of_panel
 SETS = ("identification", "validation")
 
 
-def error_table(
-    before: Mapping[str, ErrorSummary], after: Mapping[str, ErrorSummary], unit: str, quantity: str,
-    note: str = ""
-) -> Table:
+def error_table(before: Mapping[str, ErrorSummary], after: Mapping[str, ErrorSummary], unit: str,
+                quantity: str, note: str = "") -> Table:
     """Train and held-out side by side, before and after."""
     rows = []
     for when, sets in (("before", before), ("after", after)):
@@ -42,10 +40,8 @@ def highlights(before: Mapping[str, ErrorSummary], after: Mapping[str, ErrorSumm
         for name, field in (("mean", "mean"), ("RMS", "rms"), ("maximum", "max"))))
 
 
-def error_figures(
-    before: np.ndarray, after: np.ndarray, identification: np.ndarray, unit: str, name: str, row: str,
-    order: str = "",
-) -> tuple[Figure, Figure]:
+def error_figures(before: np.ndarray, after: np.ndarray, identification: np.ndarray, unit: str, name: str,
+                  row: str, order: str = "") -> tuple[Figure, Figure]:
     """Error of every row, and its histogram on the rows that were never fitted; order: of the rows, said."""
     validation = ~identification
     shown = validation if validation.any() else np.ones(len(before), bool)

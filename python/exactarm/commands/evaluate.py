@@ -99,10 +99,8 @@ def evaluate(robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, thread
     return with_load_section(made, declared, rows)
 
 
-def _certified(
-    made: CommandResult, robot: Robot, rows: Dataset, result: Evaluation, at: str | Path, seed: int,
-    threads: int
-) -> CommandResult:
+def _certified(made: CommandResult, robot: Robot, rows: Dataset, result: Evaluation, at: str | Path,
+               seed: int, threads: int) -> CommandResult:
     if result.frames is None:
         raise InputError(f"--at needs poses, found {rows.kind}", file=rows.first_file)
     poses = read_planned_poses(at, robot)

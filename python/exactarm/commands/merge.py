@@ -94,9 +94,8 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         layout=arguments.layout, group=arguments.group, columns=dict(arguments.columns), seed=arguments.seed)
 
 
-def _maps(
-    joints: str | Path, points: str | Path, given: Mapping[str, str], layout: str | None
-) -> tuple[dict[str, str], dict[str, str]]:
+def _maps(joints: str | Path, points: str | Path, given: Mapping[str, str],
+          layout: str | None) -> tuple[dict[str, str], dict[str, str]]:
     """Those of the file of points, those of the log."""
     headed = header_names(points) if layout is None else []
     known = column_names(joints) if given else []
@@ -118,9 +117,8 @@ def _by_row(log: Dataset, found: Points, joints: str | Path, points: str | Path)
     return _Merged(rows, rows, "row")
 
 
-def _by_name(
-    log: Dataset, text: Mapping[str, list[str]], found: Points, joints: str | Path, points: str | Path
-) -> _Merged:
+def _by_name(log: Dataset, text: Mapping[str, list[str]], found: Points, joints: str | Path,
+             points: str | Path) -> _Merged:
     if "name" not in text:
         raise InputError("column missing; expected the names of the points", file=joints, column="name")
     if not any(found.names):

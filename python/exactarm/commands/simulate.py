@@ -120,11 +120,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                          help="at the start and in the end")
 
 
-def simulate(
-    robot: AnyRobot, file: str | Path | None = None, *, measure: str | None = None,
-    effects: Sequence[str] = (),
-    seed: int = DEFAULT_SEED, threads: int | None = None, progress: Progress = SILENT, **options: Any,
-) -> CommandResult:
+def simulate(robot: AnyRobot, file: str | Path | None = None, *, measure: str | None = None,
+             effects: Sequence[str] = (), seed: int = DEFAULT_SEED, threads: int | None = None,
+             progress: Progress = SILENT, **options: Any) -> CommandResult:
     """Plays a trajectory or measures poses, gears and motions on a virtual robot; `result.data` are the
     measured rows.
 

@@ -109,9 +109,8 @@ def read_planned_poses(paths: str | Path | Sequence[str | Path], robot: Robot) -
     return dataset
 
 
-def read_targets(
-    paths: str | Path | Sequence[str | Path], robot: Robot, columns: Mapping[str, str] | None = None
-) -> Dataset:
+def read_targets(paths: str | Path | Sequence[str | Path], robot: Robot,
+                 columns: Mapping[str, str] | None = None) -> Dataset:
     """Poses that are to be reached: joint angles, or x, y, z, or both. columns: as in `read_dataset`."""
     paths = [paths] if isinstance(paths, (str, Path)) else list(paths)
     files = [_read_file(str(path), robot, columns) for path in paths]
@@ -119,9 +118,8 @@ def read_targets(
     return replace(_join(files, robot), kind=POSES.name, kinds=(POSES.name,))
 
 
-def read_named_targets(
-    path: str | Path, robot: Robot, columns: Mapping[str, str] | None = None
-) -> tuple[Dataset, list[str]]:
+def read_named_targets(path: str | Path, robot: Robot,
+                       columns: Mapping[str, str] | None = None) -> tuple[Dataset, list[str]]:
     """`read_targets` of one file, and its column `name`; empty where it has none."""
     file = _read_file(str(path), robot, columns, ("name",))
     _check_files([file])
@@ -129,9 +127,8 @@ def read_named_targets(
     return data, file.text.get("name", [])
 
 
-def read_joint_log(
-    path: str | Path, robot: Robot, columns: Mapping[str, str] | None = None, text: Sequence[str] = ()
-) -> tuple[Dataset, dict[str, list[str]]]:
+def read_joint_log(path: str | Path, robot: Robot, columns: Mapping[str, str] | None = None,
+                   text: Sequence[str] = ()) -> tuple[Dataset, dict[str, list[str]]]:
     """Joint angles without measured positions, and the columns of text named in `text`, by our names."""
     file = _read_file(str(path), robot, columns, text)
     data = replace(_join([file], robot), kind=POSES.name, kinds=(POSES.name,))
@@ -217,9 +214,8 @@ class _File:
         return self.values.get((quantity, None))
 
 
-def _read_file(
-    path: str, robot: Robot, given: Mapping[str, str] | None = None, text: Sequence[str] = ()
-) -> _File:
+def _read_file(path: str, robot: Robot, given: Mapping[str, str] | None = None,
+               text: Sequence[str] = ()) -> _File:
     prismatic = frozenset(i for i, joint in enumerate(robot.joints, start=1) if joint.type == "prismatic")
     words = {*text, *(theirs for theirs, ours in (given or {}).items() if ours in text)}
     table = read_table(path, ("set", *words), may_be_empty)

@@ -204,9 +204,8 @@ def _numbers(path: str | Path, rows: _Rows, index: int, name: str) -> np.ndarray
 
 
 # -- which column is what ----------------------------------------------------------------------------------
-def _columns(
-    path: str | Path, rows: _Rows, layout: str | None, given: Mapping[str, str]
-) -> tuple[list[str], str]:
+def _columns(path: str | Path, rows: _Rows, layout: str | None,
+             given: Mapping[str, str]) -> tuple[list[str], str]:
     """Our name of every column, SKIP where it is not wanted; and where the names come from."""
     width = len(rows.cells[0])
     if layout is not None:

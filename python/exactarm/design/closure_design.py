@@ -113,10 +113,9 @@ def _places(robot: Robot, space: PoseSpace, options: ClosureDesignOptions,
         enough="reached in enough poses: enlarge --box")
 
 
-def find_places(
-    centres: Iterable[Sequence[float]], place_of: Callable[[np.ndarray, int], P | None],
-    options: ClosureDesignOptions, most: int, *, shown: str, expected: str, enough: str,
-) -> list[P]:
+def find_places(centres: Iterable[Sequence[float]], place_of: Callable[[np.ndarray, int], P | None],
+                options: ClosureDesignOptions, most: int, *, shown: str, expected: str,
+                enough: str) -> list[P]:
     """Places at the centres (3,): all of those that `options.at` gives, else the first `most` that serve.
 
     place_of(centre, number of the place from 1): None where it does not serve. Raises InputError where a
@@ -202,9 +201,8 @@ def work_space_weight(robot: Robot, layout: Layout, options: ClosureDesignOption
     return information_of(full) / len(q)
 
 
-def least_variance(
-    pool: np.ndarray, known: np.ndarray, weight: np.ndarray, count: int, random: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray, tuple[float, ...]]:
+def least_variance(pool: np.ndarray, known: np.ndarray, weight: np.ndarray, count: int,
+                   random: np.random.Generator) -> tuple[np.ndarray, np.ndarray, tuple[float, ...]]:
     """Indices (count,) of the blocks of `pool` (C, r, m) with the least mean variance beside what is `known`
     (m, m), random ones to begin with; and the expected error by what is known, with these, with the best."""
     criterion = MeanVariance(weight)

@@ -130,9 +130,8 @@ class RelativeCompliance(JointCompliance):
         return Change((i,), -columns @ np.array(self.values)[:, None], -columns[:, None, :], signals)
 
     @classmethod
-    def none_of(
-        cls, robot, index: int, tip_free: bool = True, own_free: bool = False, moments: bool = False
-    ) -> RelativeCompliance:
+    def none_of(cls, robot, index: int, tip_free: bool = True, own_free: bool = False,
+                moments: bool = False) -> RelativeCompliance:
         links = (index + 1, robot.axes) if moments else None
         return cls(index + 1, (0.0,) * (3 + len(_moment_names(links))), False,
                    bool(robot.joints[index].spring_linear), tip_free, own_free, links)

@@ -134,9 +134,8 @@ def _csv(path: str | Path, content: bytes, text: Collection[str], may_be_empty: 
         return _csv_cell_by_cell(path, body, names, text, may_be_empty(names), dialect, error)
 
 
-def _parse_csv(
-    body: pa.Buffer, names: list[str], types: Mapping[str, pa.DataType], dialect: Dialect
-) -> pa.Table:
+def _parse_csv(body: pa.Buffer, names: list[str], types: Mapping[str, pa.DataType],
+               dialect: Dialect) -> pa.Table:
     return pa.csv.read_csv(
         pa.BufferReader(body),
         parse_options=pa.csv.ParseOptions(delimiter=dialect.delimiter),
@@ -182,10 +181,8 @@ def _check_names(path: str | Path, names: list[str]) -> None:
             raise InputError("name given twice; expected each column once", file=path, column=name)
 
 
-def _csv_cell_by_cell(
-    path: str | Path, body: pa.Buffer, names: list[str], text: Collection[str], gaps: Collection[str],
-    dialect: Dialect, error: pa.ArrowInvalid
-) -> pa.Table:
+def _csv_cell_by_cell(path: str | Path, body: pa.Buffer, names: list[str], text: Collection[str],
+                      gaps: Collection[str], dialect: Dialect, error: pa.ArrowInvalid) -> pa.Table:
     """The slow way, taken when the fast one failed: finds the row and the cell that are to blame."""
     try:
         strings = _parse_csv(body, names, {name: pa.string() for name in names}, dialect)
@@ -197,9 +194,8 @@ def _csv_cell_by_cell(
                      for name in names})
 
 
-def _numbers(
-    path: str | Path, name: str, cells: pa.ChunkedArray, may_be_empty: bool, dialect: Dialect
-) -> pa.ChunkedArray | list[float]:
+def _numbers(path: str | Path, name: str, cells: pa.ChunkedArray, may_be_empty: bool,
+             dialect: Dialect) -> pa.ChunkedArray | list[float]:
     """A column's cells as numbers; one by one only where not all are numbers as they stand."""
     if dialect.decimal == ".":
         with suppress(pa.ArrowInvalid):

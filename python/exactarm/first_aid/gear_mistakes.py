@@ -118,9 +118,8 @@ def _centred(values: np.ndarray, run: np.ndarray) -> np.ndarray:
     return values - mean[number]
 
 
-def _other_link(
-    robot: Robot, motor: np.ndarray, q: np.ndarray, run: np.ndarray, axis: int, both: np.ndarray
-) -> str:
+def _other_link(robot: Robot, motor: np.ndarray, q: np.ndarray, run: np.ndarray, axis: int,
+                both: np.ndarray) -> str:
     """Whether the motor turns another axis' link with that axis' or its own ratio."""
     motor = _centred(motor, run)
     if np.ptp(motor) / abs(robot.ratios[axis]) < 1e-4:

@@ -97,9 +97,8 @@ def flanges(tried: Sequence[tuple[Robot, Layout, Dataset]]) -> tuple[np.ndarray,
     return position, rotation
 
 
-def misfit_of(
-    points: np.ndarray, rotations: np.ndarray, data: Dataset, group: np.ndarray, most: float
-) -> tuple[Misfit, float]:
+def misfit_of(points: np.ndarray, rotations: np.ndarray, data: Dataset, group: np.ndarray,
+              most: float) -> tuple[Misfit, float]:
     """The misfit of all groups of rows together, each with frames of its own, and how many times as far apart
     as the robot says the points lie. Where positions are off by more than `most`, m, they may be off by even
     more, and orientations are not looked at."""

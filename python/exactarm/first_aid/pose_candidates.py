@@ -32,9 +32,8 @@ _ALL_COLUMNS = "xyz"
 Candidate = tuple[str, Robot, Dataset]
 
 
-def candidates(
-    robot: Robot, data: Dataset, whole: Dataset, rows: np.ndarray, size: float
-) -> Iterator[Candidate]:
+def candidates(robot: Robot, data: Dataset, whole: Dataset, rows: np.ndarray,
+               size: float) -> Iterator[Candidate]:
     """(what would have been meant, robot, data) of every mistake; `data` are the rows `rows` of `whole`,
     `size`: how many times as far apart as the robot says the points lie."""
     sized = 1.0 / FARTHEST_SIZE < size < FARTHEST_SIZE
@@ -86,9 +85,8 @@ def of_angles(robot: Robot, data: Dataset) -> Iterator[tuple[str, Dataset]]:
                with_angles(data, scaled(list(axes), robot.ratios), ("theta",)))
 
 
-def with_angles(
-    data: Dataset, change: Callable[[np.ndarray, str], np.ndarray], names: tuple[str, ...] = ("theta", "q")
-) -> Dataset:
+def with_angles(data: Dataset, change: Callable[[np.ndarray, str], np.ndarray],
+                names: tuple[str, ...] = ("theta", "q")) -> Dataset:
     """Columns of angles changed; change: of a copy (N, n) and the name of the column."""
     joints = {name: change(data.joints[name].copy(), name) for name in names if name in data.joints}
     return replace(data, joints=data.joints | joints)

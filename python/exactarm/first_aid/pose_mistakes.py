@@ -118,9 +118,8 @@ def _turns_otherwise(bare: Robot, carried: Layout, data: Dataset) -> float:
 
 
 # -- mistakes that have a size, or a place in the record ---------------------------------------------
-def _another_size(
-    bare: Robot, carried: Layout, data: Dataset, size: float, now: Misfit, seed: int
-) -> Iterator[Suspicion]:
+def _another_size(bare: Robot, carried: Layout, data: Dataset, size: float, now: Misfit,
+                  seed: int) -> Iterator[Suspicion]:
     """All lengths by one factor, with the frames as a calibration finds them: on a line or a circle the
     linear ones are not known."""
     if not ANOTHER_SIZE < abs(size - 1.0) or not 1.0 / FARTHEST_SIZE < size < FARTHEST_SIZE:
@@ -152,9 +151,8 @@ def _scaled_columns(bare: Robot, carried: Layout, data: Dataset, now: Misfit) ->
         yield Suspicion(f"column {'xyz'[k]} alone {factors[k]:.3g} times as large (inches or feet?)", fall)
 
 
-def _another_clock(
-    bare: Robot, carried: Layout, data: Dataset, now: Misfit, seed: int
-) -> Iterator[Suspicion]:
+def _another_clock(bare: Robot, carried: Layout, data: Dataset, now: Misfit,
+                   seed: int) -> Iterator[Suspicion]:
     """A device whose time runs faster or slower than the controller's, from one start of each run on."""
     known = TRACKED_MOTION.name in data.kinds and data.time is not None
     if not known or now.position < _LEAST_SHARE * reach(bare):

@@ -170,9 +170,8 @@ def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = Calibra
                        payloads=session_payloads(data, fit.layout, fit.fit.interval()))
 
 
-def fit_identifiable(
-    robot: Robot, layout: Layout, data: Dataset, orientation: bool, options: CalibrationOptions
-) -> tuple[PoseFit, Identifiability]:
+def fit_identifiable(robot: Robot, layout: Layout, data: Dataset, orientation: bool,
+                     options: CalibrationOptions) -> tuple[PoseFit, Identifiability]:
     """Fits what the poses can tell: freely, then without what turns out to lie under the noise, then drawn to
     the drawing as far as the data say (drawing.py). Readings of one pose count for what they are worth."""
     kept, result = identifiable_layout(robot, layout, data, orientation, threads=options.threads)

@@ -174,9 +174,8 @@ def fit_closures(robot: Robot, layout: Layout, data: Dataset, pulls: Pulls, *, k
     return ClosureFit(robot, layout, fit, noise, prediction, sigma, weight, worth)
 
 
-def expected_deviations(
-    robot: Robot, layout: Layout, data: Dataset, sigma: float, pulls: Pulls, threads: int = 1
-) -> np.ndarray:
+def expected_deviations(robot: Robot, layout: Layout, data: Dataset, sigma: float, pulls: Pulls,
+                        threads: int = 1) -> np.ndarray:
     """(P,) standard deviations of the free parameters that touches good to `sigma` (m or rad) let expect."""
     jacobian = predict_closures(robot, layout, data,
                                 threads=threads).jacobian.reshape(-1, layout.size) / sigma

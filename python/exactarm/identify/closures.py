@@ -115,10 +115,9 @@ def calibrate_closures(robot: Robot, data: Dataset, options: CalibrationOptions 
                                  *partner_warnings(fit, train, declared.pulls, options.threads)))
 
 
-def declare_closures(
-    robot: Robot, data: Dataset, compliance: tuple[int, ...] | None = (), seed: int = 0, threads: int = 1,
-    sessions: tuple[int, ...] = (), carried: Layout | None = None,
-) -> DeclaredClosures:
+def declare_closures(robot: Robot, data: Dataset, compliance: tuple[int, ...] | None = (), seed: int = 0,
+                     threads: int = 1, sessions: tuple[int, ...] = (),
+                     carried: Layout | None = None) -> DeclaredClosures:
     """The declared model fitted to all rows of `data` (one device a row); `sessions` share the tool too."""
     require_geometry(robot)
     carried = carried_effects(robot, data) if carried is None else carried
@@ -247,9 +246,8 @@ def set_distance_errors(robot: Robot, layout: Layout, data: Dataset, threads: in
     return distance_errors(fit_closures(robot, complete, data, Pulls(), threads=threads).layout, data.fixture)
 
 
-def identifiable_closures(
-    robot: Robot, setup: Layout, beside: Layout, data: Dataset, threads: int = 1
-) -> tuple[Layout, Identifiability]:
+def identifiable_closures(robot: Robot, setup: Layout, beside: Layout, data: Dataset,
+                          threads: int = 1) -> tuple[Layout, Identifiability]:
     """`setup` (frames, contacts, tool) and what of `beside` these closures can tell; the scale is held where
     nothing gives it."""
     whole = tuple(name for name in beside.names if name.axis == 1 and name.symbol in _AS_ONE)

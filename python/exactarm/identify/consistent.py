@@ -60,9 +60,8 @@ class _Block:
         return np.tensordot(z[self.where], self.basis, axes=1)
 
 
-def consistent_fit(
-    robot: Robot, declared: Robot, fit: MotionFit, record: MotionRecord, threads: int = 1
-) -> Consistent:
+def consistent_fit(robot: Robot, declared: Robot, fit: MotionFit, record: MotionRecord,
+                   threads: int = 1) -> Consistent:
     """`fit` of `robot` (with links in its tables) brought to bodies; `declared`: the robot of the file."""
     n = robot.axes
     baked = fit.layout.baked(robot, declared=True)
@@ -138,9 +137,8 @@ def _start(blocks: list[_Block], z: np.ndarray) -> np.ndarray:
     return z
 
 
-def _minimised(
-    triangle: np.ndarray, blocks: list[_Block], layout: Layout, z: np.ndarray
-) -> tuple[np.ndarray, bool]:
+def _minimised(triangle: np.ndarray, blocks: list[_Block], layout: Layout,
+               z: np.ndarray) -> tuple[np.ndarray, bool]:
     """(z, whether Newton's decrement has vanished), from a z inside the cones."""
     low = np.array([p.lower for p in layout.parameters])
     high = np.array([p.upper for p in layout.parameters])

@@ -162,9 +162,8 @@ def inertia_was_estimated(robot: Robot) -> bool:
     return any(low < high for low, high in bounds)
 
 
-def excited_layout(
-    robot: Robot, layout: Layout, record: MotionRecord, threads: int = 1
-) -> tuple[Layout, tuple[Dropped, ...]]:
+def excited_layout(robot: Robot, layout: Layout, record: MotionRecord,
+                   threads: int = 1) -> tuple[Layout, tuple[Dropped, ...]]:
     """The layout without the parameters that this motion cannot tell from others."""
     axes = record.measured_axes
     prediction = predict_motion(robot, layout, record, threads=threads)

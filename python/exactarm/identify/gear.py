@@ -107,10 +107,8 @@ class GearIdentification:
         return all(gear.estimate.converged for gear in self.gears)
 
 
-def identify_gears(
-    robot: Robot, data: Dataset, *, method: str = "refined", seed: int = DEFAULT_SEED, threads: int = 1,
-    progress: Progress = SILENT
-) -> GearIdentification:
+def identify_gears(robot: Robot, data: Dataset, *, method: str = "refined", seed: int = DEFAULT_SEED,
+                   threads: int = 1, progress: Progress = SILENT) -> GearIdentification:
     """Identifies every gear that moves in the data. Raises InputError where nothing can be identified."""
     if method not in METHODS:
         raise InputError(f"unknown method {method!r}, expected one of {', '.join(METHODS)}")

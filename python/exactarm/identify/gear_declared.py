@@ -39,9 +39,8 @@ def harmonics_layout(robot: Robot, data: Dataset, record: GearRecord) -> Layout:
     return Layout.of(tuple(effects))
 
 
-def sensor_layout(
-    robot: Robot, data: Dataset, record: GearRecord, *, bias: bool = False, chosen: np.ndarray | None = None
-) -> Layout:
+def sensor_layout(robot: Robot, data: Dataset, record: GearRecord, *, bias: bool = False,
+                  chosen: np.ndarray | None = None) -> Layout:
     """What belongs to the set-up: alignment (and bias) of the gyroscope, or the offsets between two encoders;
     started from the `chosen` rows (N,) alone."""
     if record.encoder_axes:

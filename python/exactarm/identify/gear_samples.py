@@ -78,9 +78,8 @@ class GearSamples:
         return float(np.median(speeds[moving])) if moving.any() else 0.0
 
 
-def gear_samples(
-    robot: Robot, data: Dataset, record: GearRecord, axis: int, identification: np.ndarray, threads: int = 1
-) -> tuple[GearSamples, Layout]:
+def gear_samples(robot: Robot, data: Dataset, record: GearRecord, axis: int, identification: np.ndarray,
+                 threads: int = 1) -> tuple[GearSamples, Layout]:
     """Samples of one axis, and the set-up (alignment or offsets) as found on the identification rows."""
     here = np.ones(len(data), bool) if record.encoder_axes else record.sensor_axis == axis
     rows = np.flatnonzero(here)
@@ -120,9 +119,8 @@ def _axis_in_sensor(setup: Layout, sessions: np.ndarray) -> np.ndarray:
     return along
 
 
-def _at_the_gear(
-    plain: Robot, data: Dataset, record: GearRecord, carried: Layout, threads: int
-) -> tuple[np.ndarray, np.ndarray]:
+def _at_the_gear(plain: Robot, data: Dataset, record: GearRecord, carried: Layout,
+                 threads: int) -> tuple[np.ndarray, np.ndarray]:
     """(N, n) motor angles and rates as the gears receive them: with what the robot file knows of the motors'
     side (a delay), by the effects of the chain."""
     view = record.view(plain, data, threads)

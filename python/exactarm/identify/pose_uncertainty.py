@@ -62,10 +62,8 @@ class PoseUncertainty:
         return self.half_axes[:, -1]
 
 
-def pose_uncertainty(
-    robot: Robot, frames: Layout, data: Dataset, residual: np.ndarray, poses: Dataset, seed: int,
-    threads: int = 1
-) -> PoseUncertainty:
+def pose_uncertainty(robot: Robot, frames: Layout, data: Dataset, residual: np.ndarray, poses: Dataset,
+                     seed: int, threads: int = 1) -> PoseUncertainty:
     """frames: as fitted to `data`; `residual` (N, 3): measured minus predicted; poses: to be judged."""
     judged, own = _judged(robot, data, seed)
     if len(judged) < LEAST_ROWS:
