@@ -52,14 +52,13 @@ def _of_encoders(robot: Robot, data: Dataset) -> list[Suspicion]:
         if abs(correlation) < LEAST_CORRELATION:
             words = _other_link(robot, theta[rows, i], q[rows], data.run[rows], int(i), both)
             if words:
-                found.append(Suspicion(f"{where}{words}", sentence=True))
+                found.append(Suspicion(f"{where}{words}"))
             continue
         share = slope / robot.ratios[i]
         found.append(
             Suspicion(
                 f"{where}axis {i + 1}: theta_{i + 1} goes {slope:.4g} times as far as q_{i + 1}, the file's "
-                f"gear ratio is {robot.ratios[i]:.4g}: {_meant(share, slope * robot.ratios[i], int(i) + 1)}",
-                sentence=True))
+                f"gear ratio is {robot.ratios[i]:.4g}: {_meant(share, slope * robot.ratios[i], int(i) + 1)}"))
     return found or _of_clocks(robot, data, both)
 
 
@@ -176,7 +175,7 @@ def _of_gyroscope(robot: Robot, data: Dataset) -> list[Suspicion]:
 def _far_off(shares: dict[int, float]) -> list[Suspicion]:
     """By axis: the reading over the rate of the motor behind its ratio."""
     said = [Suspicion(f"the gyroscope reads {share:.3g} times the rate of motor {axis + 1} over its ratio: "
-                      f"{_reading(share)}", sentence=True)
+                      f"{_reading(share)}")
             for axis, share in shares.items() if not 1.0 / 1.5 < share < 1.5]
     return said[:1]
 
@@ -188,10 +187,10 @@ def _somewhat_off(robot: Robot, shares: dict[int, float]) -> list[Suspicion]:
     alike = all(abs(share / common - 1.0) < RATIO_TOLERANCE for share in shares.values())
     if len(off) > 1 and alike:
         return [Suspicion(f"the gyroscope reads {common:.4g} times the rate of every motor over its ratio: "
-                          "is its scale that of its data sheet?", sentence=True)]
+                          "is its scale that of its data sheet?")]
     words = "; ".join(f"motor {axis + 1} over its ratio {robot.ratios[axis]:.4g}: {share:.4g} times; is "
                       f"the ratio {robot.ratios[axis] / share:.4g}?" for axis, share in off.items())
-    return [Suspicion(f"what the gyroscope reads beside the rate of {words}", sentence=True)] if off else []
+    return [Suspicion(f"what the gyroscope reads beside the rate of {words}")] if off else []
 
 
 def _smooth(values: np.ndarray) -> np.ndarray:

@@ -135,14 +135,13 @@ def _driving_friction(now: Explained) -> Iterator[Suspicion]:
         return
     if braking.size == 0 and driving.size > 1:
         yield Suspicion(
-            "the friction of all axes would drive the arm: do the torques have the opposite sign?",
-            sentence=True)
+            "the friction of all axes would drive the arm: do the torques have the opposite sign?")
         return
     verb = "drives" if driving.size == 1 else "drive"
     sign = "its torque or its angle" if driving.size == 1 else "their torques or their angles"
     yield Suspicion(
         f"the friction of {axes_in_words(driving)} {verb} instead of braking: does {sign} have the opposite "
-        "sign?", sentence=True)
+        "sign?")
 
 
 def clocks(model: Model, samples: MotionSamples, now: Explained, step: float) -> Iterator[Rival]:
@@ -227,11 +226,10 @@ def _units(robot: Robot, samples: MotionSamples) -> Iterator[Suspicion]:
         if not _LEAST_OF_DECLARED < share < _MOST_OF_DECLARED:
             yield Suspicion(
                 f"the torques are {share:.2g} times those of the declared masses: are they in another unit "
-                "(mNm, N cm), at the motor's shaft, or is it the file of another arm?",
-                sentence=True)
+                "(mNm, N cm), at the motor's shaft, or is it the file of another arm?")
         return
     size = reach(robot)
     if size > 0.0 and not _LEAST_LOAD_NM_M3 < torque / size**3 < _MOST_LOAD_NM_M3:
         yield Suspicion(
             f"torques of {torque:.3g} Nm at an arm that reaches {size:.2g} m: are they in another unit (mNm, "
-            "N cm), or at the motor's shaft?", sentence=True)
+            "N cm), or at the motor's shaft?")

@@ -87,7 +87,7 @@ def pose_mistakes(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -
         found.append(Suspicion(
             f"the measured orientations do not follow the arm ({now.orientation:.2g} rad RMS beside "
             f"{1e3 * now.position:.2g} mm): are they angles of another convention, a quaternion in another "
-            "order, or rows shuffled?", np.inf, sentence=True))
+            "order, or rows shuffled?"))
     return in_order(found)
 
 

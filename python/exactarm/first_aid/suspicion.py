@@ -16,12 +16,15 @@ _WITHOUT_A_REST = 1e6
 
 @dataclass(frozen=True)
 class Suspicion:
-    """`words`: what would have been meant; `fall`: how many times smaller the error would be; `sentence`:
-    words say it all."""
+    """`words`: what would have been meant; `fall`: how many times smaller the error would be, without it a
+    sentence that says it all."""
 
     words: str
     fall: float = np.inf
-    sentence: bool = False
+
+    @property
+    def sentence(self) -> bool:
+        return bool(np.isinf(self.fall))
 
     @property
     def text(self) -> str:

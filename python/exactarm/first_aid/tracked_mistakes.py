@@ -54,7 +54,7 @@ def _other_starts(late: dict[int, Lags]) -> list[Suspicion]:
         if abs(apart) > least and np.ptp(others) < 0.5 * abs(apart):
             way = "later" if apart > 0.0 else "earlier"
             return [Suspicion(f"run {run}: the tracker logs {abs(apart):.3g} s {way} than in the other runs: "
-                              "do its samples begin at another instant there?", sentence=True)]
+                              "do its samples begin at another instant there?")]
     return []
 
 
@@ -66,8 +66,8 @@ def clock_suspicions(found: Lags | None, run: str, device: str, much: float = MU
         share = 1e2 * (found.last - found.first) / found.span
         return [Suspicion(f"{run}: {device} lags by {1e3 * found.first:.3g} ms at the beginning and by "
                           f"{1e3 * found.last:.3g} ms in the end: does its clock run {abs(share):.2g} % "
-                          f"{'slower' if share > 0 else 'faster'}?", sentence=True)]
+                          f"{'slower' if share > 0 else 'faster'}?")]
     if abs(found.first) > much:
         return [Suspicion(f"{run}: {device} lags by {found.first:.3g} s throughout: do its samples begin at "
-                          "another instant?", sentence=True)]
+                          "another instant?")]
     return []
