@@ -38,12 +38,11 @@ def figures_are_built_not_drawn(request, monkeypatch):
     if request.node.get_closest_marker("slow") or request.node.get_closest_marker("drawn"):
         return
 
-    def written(figure, vector, raster):
-        figure.build()
+    def written(built, vector, raster):
         vector.write_text(_EMPTY_SVG)
         raster.write_bytes(b"\x89PNG")
 
-    monkeypatch.setattr("exactarm.report.plots.files._write", written)
+    monkeypatch.setattr("exactarm.report.plots.style.write_picture", written)
 
 
 @pytest.fixture(autouse=True)

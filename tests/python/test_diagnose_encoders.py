@@ -10,7 +10,7 @@ from exactarm.data.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects import effect_from_table
 from exactarm.effects.load_dependence import LoadDependence
-from exactarm.identify.gear_evaluate import evaluate_gear_runs
+from exactarm.identify.evaluate import evaluate_gear_runs
 from exactarm.robot_file import load_robot
 
 RATE_HZ, SECONDS, RUNS = 125.0, 8.0, 2

@@ -1,6 +1,7 @@
 """What a stranger types in the first ten minutes: one clear line that says what was meant, or it simply
 works."""
 
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,6 +13,7 @@ from exactarm.commands.effect_sections import _size
 from exactarm.effects import effect_from_table
 from exactarm.report.plots.effects import EffectPanel, _spikes, effect_panels
 from exactarm.report.plots.errors import error_histogram
+from exactarm.report.plots.style import on_one_panel
 from exactarm.report.sections import Report, Text
 from exactarm.report.terminal import render_text
 
@@ -123,7 +125,7 @@ def test_a_long_title_ends_within_its_panel():
 
 
 def test_numbers_beside_a_plot_keep_their_digits():
-    figure = error_histogram(np.full(9, 1.0337e-3), np.full(9, 3.8e-4))
+    figure = on_one_panel(partial(error_histogram, np.full(9, 1.0337e-3), np.full(9, 3.8e-4), "m"))
     told = [text.get_text() for text in figure.legends[0].get_texts()] if figure.legends else [
         text.get_text() for text in figure.axes[0].get_legend().get_texts()]
     assert told == ["before: mean 1.03 mm", "after: mean 0.380 mm"]

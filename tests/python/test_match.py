@@ -8,7 +8,7 @@ import pytest
 from exactarm import cli
 from exactarm.data.dataset import write_dataset
 from exactarm.errors import InputError
-from exactarm.first_aid.mismatch import with_cause
+from exactarm.first_aid.first_aid import with_cause
 from exactarm.identify.calibrate import calibrate
 from exactarm.identify.evaluate import evaluate_poses
 from exactarm.identify.match import WORST_SHARE, Mismatch

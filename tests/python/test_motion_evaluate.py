@@ -8,7 +8,7 @@ import pytest
 
 import exactarm as ea
 from exactarm.errors import InputError
-from exactarm.identify.motion_evaluate import evaluate_motion
+from exactarm.identify.evaluate import evaluate_motion
 from exactarm.robot_file import load_robot
 from motions import fourier_motion, motion_data
 

@@ -10,8 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from exactarm.first_aid.first_aid import first_aid
-from exactarm.first_aid.mismatch import with_cause
+from exactarm.first_aid.first_aid import first_aid, with_cause
 from exactarm.identify.evaluate import evaluate_poses
 from exactarm.identify.match import Mismatch
 from exactarm.numerics.rotation import log

@@ -1,6 +1,7 @@
 """What a person reads: numbers, terminal text, the page, and pictures that come out the same every time."""
 
 import re
+from functools import partial
 from xml.etree import ElementTree
 
 import numpy as np
@@ -21,10 +22,10 @@ from exactarm.report import (
 )
 from exactarm.report.html import render_html
 from exactarm.report.numbers import choose_scale, estimate, format_cells, number, quantity
-from exactarm.report.plots import arm, curves, design, effects, errors, parameters, residual, workspace
+from exactarm.report.plots import arm, curves, design, effects, parameters, residual, workspace
 from exactarm.report.plots.errors import error_histogram, error_per_pose
 from exactarm.report.plots.files import draw
-from exactarm.report.plots.style import house_style
+from exactarm.report.plots.style import house_style, on_one_panel
 from exactarm.report.terminal import columns_of, render_text
 
 pytestmark = pytest.mark.drawn  # what the files of figures hold is looked at
@@ -259,12 +260,16 @@ def panel(curve):
                                np.full(COUNT, 1e-4), 1e-3 * np.sin(x) + NOISE, NOISE, curve, True)
 
 
+def alone(plot, *arrays):
+    return on_one_panel(partial(plot, *arrays, "m"))
+
+
 PLOTS = {
-    "error_per_pose": lambda: errors.error_per_pose(2 * MAGNITUDE, MAGNITUDE, MASK, noise_floor=1e-4),
-    "error_per_pose, none held out": lambda: errors.error_per_pose(MAGNITUDE, MAGNITUDE,
-                                                                   np.zeros(COUNT, bool)),
-    "error_histogram": lambda: errors.error_histogram(2 * MAGNITUDE, MAGNITUDE, noise_floor=1e-4),
-    "error_histogram of zeros": lambda: errors.error_histogram(np.zeros(3), np.zeros(3)),
+    "error_per_pose": lambda: alone(error_per_pose, 2 * MAGNITUDE, MAGNITUDE, MASK),
+    "error_per_pose, none held out": lambda: alone(error_per_pose, MAGNITUDE, MAGNITUDE,
+                                                   np.zeros(COUNT, bool)),
+    "error_histogram": lambda: alone(error_histogram, 2 * MAGNITUDE, MAGNITUDE),
+    "error_histogram of zeros": lambda: alone(error_histogram, np.zeros(3), np.zeros(3)),
     "forest": lambda: parameters.parameter_forest(NAMES, np.array([1e-3, 2e-3, 0.0]),
                                                   np.array([0.0, 1e-3, -1e-3]),
                                                   np.array([2e-3, 3e-3, 1e-3]), UNITS),
@@ -275,14 +280,13 @@ PLOTS = {
     "singular_values": lambda: parameters.singular_values(np.array([3.0, 1.0, 0.0]), 2),
     "residual": lambda: residual.residual_over_signal(SIGNAL, NOISE, NOISE / 2, unit="m", name="residual",
                                                       signal_name="angle", signal_unit="rad"),
-    "residual before": lambda: residual.residual_over_signal(np.sign(SIGNAL), NOISE, None, unit="m",
+    "residual of few": lambda: residual.residual_over_signal(np.sign(SIGNAL), NOISE, NOISE, unit="m",
                                                              name="residual",
                                                              signal_name="direction"),
     "spectrum": lambda: residual.spectrum(np.arange(COUNT), MAGNITUDE, MAGNITUDE / 2, unit="rad",
                                           name="amplitude",
-                                          marks=[(3.0, "3"), (4.0, "4")], threshold=1e-3),
-    "curves": lambda: curves.curves(np.arange(COUNT) + 1.0, {"a": MAGNITUDE, "b": SIGNAL**2}, log_x=True,
-                                    log_y=True),
+                                          marks=[(3.0, "3"), (4.0, "4")]),
+    "curves": lambda: curves.curves(np.arange(COUNT) + 1.0, {"a": MAGNITUDE, "b": SIGNAL**2}, log_y=True),
     "curves_per_axis": lambda: curves.curves_per_axis(np.arange(9.0),
                                                       {"a": np.ones((9, 7)), "b": np.zeros((9, 7))},
                                                       unit="Nm", name="torque"),
@@ -350,11 +354,11 @@ def test_columns_that_are_compared_have_one_prefix():
 def test_nothing_is_called_before_where_nothing_changed():
     same, marked = np.array([1e-3, 2e-3, 3e-3]), np.array([False, True, True])
     legend = lambda figure: [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
-    assert legend(error_per_pose(same, same, marked)) == ["fitted", "not fitted"]
-    assert legend(error_per_pose(same, same, np.ones(3, bool))) == ["not fitted"]
-    changed = legend(error_per_pose(2.0 * same, same, marked))
+    assert legend(alone(error_per_pose, same, same, marked)) == ["fitted", "not fitted"]
+    assert legend(alone(error_per_pose, same, same, np.ones(3, bool))) == ["not fitted"]
+    changed = legend(alone(error_per_pose, 2.0 * same, same, marked))
     assert changed == ["before", "after, fitted", "after, not fitted"]
-    assert legend(error_histogram(same, same)) == ["mean 2.00 mm"]
+    assert legend(alone(error_histogram, same, same)) == ["mean 2.00 mm"]
 
 
 NASTY = 'a"><img src=x onerror=alert(1)>../$\\frac{'

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from exactarm.data.dataset import Dataset
-from exactarm.identify.gear_evaluate import evaluate_gear_runs
+from exactarm.identify.evaluate import evaluate_gear_runs
 from exactarm.identify.sensor_tone import find_tones, without_tones
 from rigid_arm import rigid
 

@@ -15,21 +15,7 @@ from exactarm.chain.poses import PosePrediction, predict_poses
 from exactarm.chain.tracked_motion import predict_tracked_motion
 from exactarm.view import View
 
-__all__ = [
-    "GearRecord",
-    "GearRunPrediction",
-    "Layout",
-    "MotionPrediction",
-    "MotionRecord",
-    "PosePrediction",
-    "View",
-    "gear_record",
-    "motion_clear_of_reversals",
-    "motion_record",
-    "predict_gear_run",
-    "predict_motion",
-    "predict_poses",
-    "predict_tracked_motion",
-    "reversals_left_out",
-    "track_clear_of_reversals",
-]
+__all__ = ["GearRecord", "GearRunPrediction", "Layout", "MotionPrediction", "MotionRecord", "PosePrediction",
+           "View", "gear_record", "motion_clear_of_reversals", "motion_record", "predict_gear_run",
+           "predict_motion", "predict_poses", "predict_tracked_motion", "reversals_left_out",
+           "track_clear_of_reversals"]

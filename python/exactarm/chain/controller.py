@@ -13,8 +13,6 @@ Limits: at rest, in a direction that `approach` says (-1, 0, +1 an axis; 0 takes
 the measuring device, and those that tell of one record, are no part of where the arm is.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -74,8 +72,9 @@ def inverse(robot: Robot, position: np.ndarray, rotation: np.ndarray, start: np.
     Damped Gauss-Newton on the whole chain from `start`; without one, from every branch of the rigid arm
     within the limits, nearest to their middle first. Raises ComputationError where none ends at the pose.
     """
-    for q0 in [np.asarray(start, float)] if start is not None else _branches(robot, position, rotation, of,
-                                                                             seen_from):
+    starts = ([np.asarray(start, float)] if start is not None
+              else _branches(robot, position, rotation, of, seen_from))
+    for q0 in starts:
         q = _newton(robot, position, rotation, q0, of, seen_from)
         if q is not None:
             return q
@@ -99,17 +98,14 @@ def _newton(robot: Robot, position: np.ndarray, rotation: np.ndarray, q: np.ndar
 def _branches(robot: Robot, position: np.ndarray, rotation: np.ndarray, of: Point,
               seen_from: Frame) -> list[np.ndarray]:
     """Controller angles of the rigid arm's solutions."""
-    core = _placed(robot, of, seen_from).core
-    found = _core.inverse_kinematics_branches(core,
-                                              _core.Pose(np.asarray(rotation, float),
-                                                         np.asarray(position, float)))
+    pose = _core.Pose(np.asarray(rotation, float), np.asarray(position, float))
+    found = _core.inverse_kinematics_branches(_placed(robot, of, seen_from).core, pose)
     shift = robot.offsets - robot.controller_offsets
     return [np.asarray(q) - shift for q in found]
 
 
 def inverse_dynamics(robot: Robot, q: np.ndarray, q_dot: np.ndarray, q_ddot: np.ndarray) -> np.ndarray:
-    """(N, n) joint torques in Nm, link side, without friction: D q_ddot + C q_dot + g at the joints behind q
-    (N, n)."""
+    """(N, n) Nm, link side, without friction: D q_ddot + C q_dot + g at the joints behind q (N, n)."""
     if robot.links is None or robot.generic_masses:
         raise InputError(f"robot {robot.name} declares no link masses; expected them for torques")
     placed = _placed(robot, "flange", "base")

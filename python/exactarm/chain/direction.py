@@ -16,8 +16,6 @@ motor angle jumps.
     An axis that never moves has the direction 0: the mean of both tables.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.interpolate import BSpline
 
@@ -51,8 +49,7 @@ def direction_of_motion(time: np.ndarray, angle: np.ndarray, passage_s: float | 
 
 
 def reversals(time: np.ndarray, angle: np.ndarray) -> tuple[float, list[tuple[float, float]]]:
-    """Direction of the first motion (0: none), and (instant, direction behind it) of every reversal of angle
-    (N,)."""
+    """First direction of angle (N,), 0: none, and (instant, direction behind it) of every reversal."""
     moves = np.sign(np.diff(angle))
     moving = np.flatnonzero(moves)
     if not moving.size:
@@ -79,8 +76,7 @@ def reversals(time: np.ndarray, angle: np.ndarray) -> tuple[float, list[tuple[fl
 
 
 def eased(values: np.ndarray, step: float) -> np.ndarray:
-    """(N, c) values folded with the kernel of the passage at equal steps: jumps become smooth, constants
-    stay."""
+    """(N, c) values folded with the passage's kernel at equal steps: jumps become smooth, constants stay."""
     half = int(np.ceil(0.5 * TRANSITION_S / step))
     edges = step * (np.arange(-half, half + 2) - 0.5) / TRANSITION_S
     kernel = np.diff(_passed(edges))

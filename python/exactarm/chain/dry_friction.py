@@ -48,8 +48,7 @@ class DryFriction:
         return 0.0 if self.start is None else float(self.start[run, index])
 
     def sign(self, index: int, rate: np.ndarray, angle: np.ndarray, runs) -> np.ndarray:
-        """s (S,) of samples with `rate` and `angle` on the output side; runs: their rows in the order of
-        time."""
+        """s (S,) of samples with `rate` and `angle` on the output side; runs: their rows by time."""
         if self.reach[index] == 0.0:
             return smooth_sign(rate, self.width[index])[0]
         found = np.empty_like(rate)
@@ -65,8 +64,7 @@ class DryFriction:
         return np.mean(sticking / (self.reach[index] * _ELEMENTS[:, None]), axis=0)
 
     def unsettled(self, record) -> np.ndarray:
-        """(N,) rows before an axis by the way has moved far enough in its run to have forgotten where it
-        began."""
+        """(N,) rows before an axis by the way has moved so far in its run that its start is forgotten."""
         rows = np.zeros(len(record.inside), bool)
         if self.start is not None:
             return rows

@@ -5,8 +5,6 @@ of both tables is taken, between the two their mixture Xi = (1 - d) / 2 Xi_cw + 
 (chain/direction.py). A direction without a table of its own uses the other one's.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm import _core
@@ -50,8 +48,7 @@ def _between(joint: Joint, direction: np.ndarray, theta: np.ndarray) -> tuple[np
 
 
 def differs_with_direction(joint: Joint) -> bool:
-    """Whether the declared tables of the two directions do not meet: what lies between, at a reversal, no
-    model defines."""
+    """Whether the tables of the two directions differ: what lies between, at a reversal, no model defines."""
     if joint.cw is None or joint.ccw is None:
         return False
     return not all(np.array_equal(getattr(joint.cw, name), getattr(joint.ccw, name))

@@ -12,8 +12,6 @@ rows farther than MOST_S from every reversal, is one that noise exceeds in a tho
 Rows nearer than that are left out, and as many where a run begins in motion, whose last reversal nobody saw.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import special
 

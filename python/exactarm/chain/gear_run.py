@@ -12,8 +12,6 @@ is gravity's; where no masses are declared, a measured torque is taken. The angl
 point as in static poses (chain/poses.py).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 
@@ -65,17 +63,9 @@ class GearRunPrediction:
         return self.observed - self.measured
 
 
-def predict_gear_run(
-    robot: Robot,
-    layout: Layout,
-    data: Dataset,
-    *,
-    record: GearRecord | None = None,
-    tangents: bool = True,
-    threads: int = 1,
-) -> GearRunPrediction:
-    """Prediction of every row with the effects of `layout`; `record`: of the same data, to save its
-    preparation."""
+def predict_gear_run(robot: Robot, layout: Layout, data: Dataset, *, record: GearRecord | None = None,
+                     tangents: bool = True, threads: int = 1) -> GearRunPrediction:
+    """Prediction of every row with the effects of `layout`; `record`: of the same data, where prepared."""
     record = gear_record(robot, data) if record is None else record
     robot = layout.baked(robot)
     view = record.view(robot, data, threads)
@@ -102,10 +92,8 @@ def predict_gear_run(
     return GearRunPrediction(view.measured, observed, jacobian, along, view)
 
 
-def _pass(
-    view: View, layout: Layout, station: Station, signal: str, passed: list[Recorded],
-    derivatives: bool = True
-) -> None:
+def _pass(view: View, layout: Layout, station: Station, signal: str, passed: list[Recorded],
+          derivatives: bool = True) -> None:
     """Adds the changes at a station to the signal's values and records them for the tangents."""
     for index, effect in enumerate(layout.effects):
         if acts(effect, view, station):
@@ -189,8 +177,7 @@ def _on_moving_axis(sensor_axis: np.ndarray, along: np.ndarray, axes: int,
 
 def _jacobian(view: View, layout: Layout, record: GearRecord, passed: list[Recorded],
               weights: np.ndarray) -> np.ndarray:
-    """(N, m, P), one run after another so that the tangents of the joints never stand in memory all at
-    once."""
+    """(N, m, P), run by run, so that the tangents of the joints never stand in memory all at once."""
     size, components = layout.size, weights.shape[1]
     jacobian = np.zeros((view.rows, components, size))
     for number, rows in enumerate(record.runs):
@@ -231,8 +218,6 @@ def _transfers(view: View, record: GearRecord, weights: np.ndarray) -> dict:
         out[:, list(columns)] = derivative
         return out
 
-    return {
-        Station.MOTOR: motor, Station.GEAR: joint, Station.LOAD: load, Station.SPRING: joint,
-        Station.GEOMETRY: geometry, Station.DEVICE: device,
-    }
+    return {Station.MOTOR: motor, Station.GEAR: joint, Station.LOAD: load, Station.SPRING: joint,
+            Station.GEOMETRY: geometry, Station.DEVICE: device}
 

@@ -25,8 +25,7 @@ class Layout:
 
     @staticmethod
     def of(effects: tuple[Effect, ...], estimate: bool = True) -> Layout:
-        """All parameters free except those that call themselves fixed (none at all when `estimate` is
-        False)."""
+        """All parameters free except those that call themselves fixed (none unless `estimate`)."""
         masks = [np.array([estimate and not p.fixed for p in effect.parameters()], bool)
                  for effect in effects]
         return Layout(tuple(effects), tuple(masks))
@@ -78,10 +77,8 @@ class Layout:
     @cached_property
     def names(self) -> tuple[ParameterId, ...]:
         """Unique labels of the free parameters, with units, and what they are."""
-        return tuple(
-            e.parameter_id(p) for e, mask in zip(self.effects, self.free)
-            for p, keep in zip(e.parameters(), mask) if keep
-        )
+        return tuple(e.parameter_id(p) for e, mask in zip(self.effects, self.free)
+                     for p, keep in zip(e.parameters(), mask) if keep)
 
     @cached_property
     def prior(self) -> np.ndarray:
@@ -94,8 +91,7 @@ class Layout:
         return np.concatenate(parts) if parts else np.zeros(0, bool)
 
     def prior_rows(self) -> np.ndarray:
-        """(r, P) rows of 1 / standard deviation, one for each parameter with a prior: pseudo-observations of
-        zero."""
+        """(r, P) rows of 1 / standard deviation, one for each prior: pseudo-observations of zero."""
         held = np.flatnonzero(np.isfinite(self.prior))
         rows = np.zeros((len(held), self.size))
         rows[np.arange(len(held)), held] = 1.0 / self.prior[held]

@@ -7,8 +7,6 @@ enters torque, mass matrix and springs alike. Rows of one payload share an arm; 
 nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 

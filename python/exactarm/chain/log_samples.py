@@ -6,8 +6,6 @@ friction at a reversal) is evaluated at every sample and then gathered.
                   sample, so that nothing folds back into the band of the torque
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 

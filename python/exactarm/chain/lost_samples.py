@@ -5,8 +5,6 @@ period that counts, a cubic spline through its neighbours stands for what is mis
 runs of one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -11,8 +11,6 @@ unbent motion. Rates are those of the motor over its ratio, plus the derivative 
 it, low-passed as the measured angles are.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -36,8 +34,7 @@ _RELATIVE_STEP = 1e-4  # of a plausible value, for the slope of dphi/dtheta (exa
 
 @dataclass
 class MotionView(View):
-    """A view that remembers how it came about, so that it can tell the response to an effect not in the
-    layout."""
+    """A view that remembers how it came about, and so tells the response to an effect not in the layout."""
 
     evaluated: tuple = field(default=(), repr=False)  # robot, layout, record
     # (robot, layout, record, threads, bent) -> prediction
@@ -106,8 +103,7 @@ class MotionView(View):
 
 @dataclass(frozen=True)
 class MotionPrediction:
-    """What the drives should report on the rows of the record: torque (N, n) Nm, jacobian (N, n, P) or
-    None."""
+    """What the drives should report on the record's rows: torque (N, n) Nm, jacobian (N, n, P) or None."""
 
     torque: np.ndarray
     jacobian: np.ndarray | None
@@ -119,9 +115,8 @@ class MotionPrediction:
         return self.record.torque - self.torque
 
 
-def predict_motion(
-    robot: Robot, layout: Layout, record: MotionRecord, *, tangents: bool = True, threads: int = 1, bent=None
-) -> MotionPrediction:
+def predict_motion(robot: Robot, layout: Layout, record: MotionRecord, *, tangents: bool = True,
+                   threads: int = 1, bent=None) -> MotionPrediction:
     """Drive torque on every row of `record` with the effects of `layout` in the chain.
 
     bent: `MotionView.bent` of the same motion, where that is known.
@@ -135,11 +130,8 @@ def predict_motion(
     return MotionPrediction(torque, jacobian, view, record)
 
 
-def motion_view(
-    robot: Robot, layout: Layout, record: MotionRecord, *, tangents: bool = True, threads: int = 1,
-    kind: str = MOTION.name,
-    bent=None,
-) -> MotionView:
+def motion_view(robot: Robot, layout: Layout, record: MotionRecord, *, tangents: bool = True,
+                threads: int = 1, kind: str = MOTION.name, bent=None) -> MotionView:
     """Motor angles, gears, loads, springs and joint angles with their rates: all signals up to the joints."""
     baked = layout.baked(robot)
     view = MotionView(baked, record.data, kind, threads, evaluated=(robot, layout, record), bent=bent)
@@ -190,8 +182,7 @@ def _joints(view: View, layout: Layout, tangents: bool) -> None:
 
 
 def _bend(view: View, layout: Layout, record: MotionRecord, tangents: bool) -> None:
-    """The declared springs give way under the torque, which is relieved by it; tangents about the bent
-    motion."""
+    """The declared springs give way under the torque, and relieve it; tangents about the bent motion."""
     unbent = SpringResponse(view.robot, *_slopes(view), record.runs, record.step, record.inside)
     if view.bent is None:
         view.bent = (*unbent.give_way(view.torque), unbent.tangent)
@@ -289,10 +280,8 @@ def _taken_by_drives(view: View) -> tuple[np.ndarray, ...]:
     theta_dot (N, n) and theta_ddot (n,)."""
     nominal = view.robot.controller_ratios
     rate = view.signals["theta_dot"] / nominal
-    coulomb, viscous, rotor = (
-        np.array([getattr(joint, name) or 0.0 for joint in view.robot.joints])
-        for name in ("coulomb", "viscous", "rotor_inertia")
-    )
+    coulomb, viscous, rotor = (np.array([getattr(joint, name) or 0.0 for joint in view.robot.joints])
+                               for name in ("coulomb", "viscous", "rotor_inertia"))
     taken = rotor * nominal * view.signals["theta_ddot"] + viscous * rate
     by_rate, by_angle = np.tile(viscous, (view.rows, 1)), np.zeros_like(rate)
     for index in np.flatnonzero(coulomb):
@@ -334,10 +323,8 @@ def _transmission_tangent(view: MotionView, robot: Robot, layout: Layout) -> np.
     """(N, n, P) derivative of (dphi/dtheta)' torque by the parameters of the gears, the torque held."""
     tangent = np.zeros((view.rows, view.axes, layout.size))
     record = view.evaluated[2]
-    known = (
-        declared_output_angle(view) if any(effect.station == Station.GEAR for effect in layout.effects)
-        else None
-    )
+    known = (declared_output_angle(view) if any(effect.station == Station.GEAR for effect in layout.effects)
+             else None)
     sized = [index for index, effect in enumerate(layout.effects)
              if effect.only_in_tables or _has_size(effect)]
     for index, effect in enumerate(layout.effects):
@@ -367,10 +354,8 @@ def _has_size(effect: Effect) -> bool:
                if not p.fixed and not p.search)
 
 
-def _shifted_transmission(
-    view: MotionView, robot: Robot, layout: Layout, record: MotionRecord,
-    declared: tuple[np.ndarray, np.ndarray] | None
-) -> np.ndarray:
+def _shifted_transmission(view: MotionView, robot: Robot, layout: Layout, record: MotionRecord,
+                          declared: tuple[np.ndarray, np.ndarray] | None) -> np.ndarray:
     if declared is not None:
         return transmission(view, layout, declared)
     shifted = replace(view, robot=layout.baked(robot), signals=dict(view.signals), tangents={})

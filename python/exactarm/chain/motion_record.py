@@ -12,8 +12,6 @@ Torque (N, n) in Nm on the output side: tau, or nominal ratio times tau_motor, o
 constant times current (1 Nm/A where no constant is declared). Axes whose torque was not measured hold NaN.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -116,12 +114,9 @@ class MotionRecord:
         return self._low_passed(values, _WIDE)
 
     def slow(self, values: np.ndarray) -> np.ndarray:
-        """(N, ...) behind a low-pass that leaves what arms are moved by; as it is where nothing was
-        filtered."""
-        return (
-            values if self.bandwidth_hz is None
-            else self._low_passed(values, min(SLOW_HZ / self.bandwidth_hz, 1.0))
-        )
+        """(N, ...) behind a low-pass that leaves what arms are moved by, if anything was filtered."""
+        return (values if self.bandwidth_hz is None
+                else self._low_passed(values, min(SLOW_HZ / self.bandwidth_hz, 1.0)))
 
     def _low_passed(self, values: np.ndarray, wider: float) -> np.ndarray:
         if self.bandwidth_hz is None or wider * self.bandwidth_hz >= _LARGEST / self.step:
@@ -132,8 +127,7 @@ class MotionRecord:
         return out
 
     def white_share(self, step: float) -> float:
-        """Share of the variance of white noise, sampled every `step` s, that passes the low-pass of the
-        torque."""
+        """Share of the variance of white noise, sampled every `step` s, behind the low-pass of the torque."""
         if self.bandwidth_hz is None:
             return 1.0
         frequency = np.linspace(0.0, 0.5 / step, 4096)
@@ -161,14 +155,14 @@ def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None
         raise InputError("a motion needs a time: expected the column time_s")
     torque, theta = measured_torque(robot, data), motor_angles(robot, data)
     rates = _given_rates(robot, data)
-    parts, steps = [], []
+    parts, steps, waves = [], [], any(joint.has_harmonics for joint in robot.joints)
+    each_period = rows_share * (_ROWS_WITH_HARMONICS if waves else _ROWS_PER_PERIOD)
     for rows in runs_in_time(data):
         step = typical_step(data.time[rows]) if rows.size > 1 else np.inf
         steps.append(step)
         time, angle = _on_an_even_clock(robot, data.time[rows], theta[rows])
         signals = (angle, torque[rows], *(() if rates is None else (rates[rows],)))
-        share = rows_share * _rows_per_period(robot)
-        stretches = [_Run(rows, step, bandwidth < _LARGEST / step, share, stretch)
+        stretches = [_Run(rows, step, bandwidth < _LARGEST / step, each_period, stretch)
                      for stretch in without_gaps(time, signals, FILLED_PERIODS / bandwidth)]
         if short := max(stretches, key=lambda run: run.stretch.time.size).too_short(bandwidth):
             raise InputError(short)
@@ -180,22 +174,14 @@ def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None
     stack = lambda k: np.concatenate([part[k] for part in parts])
     counts = np.cumsum([0] + [len(part[0]) for part in parts])
     sides = [direction_of_motion(part[6], part[1] / np.abs(robot.ratios)) for part in parts]
-    return MotionRecord(
-        data=replace(data.select(kept), time=stack(6)),
-        theta=stack(1),
-        theta_dot=stack(2),
-        theta_ddot=stack(3),
-        torque=stack(4),
-        direction=np.concatenate(sides),
-        inside=stack(5),
-        runs=tuple(np.arange(a, b) for a, b in zip(counts[:-1], counts[1:])),
-        bandwidth_hz=bandwidth if filtered else None,
-        step=float(np.median([np.median(np.diff(part[6])) for part in parts])),
-        logged_step=float(np.median(steps)),
-        dry=DryFriction.of(robot.axes),
-        at_reversal=np.zeros(len(kept), bool),
-        samples=_samples(robot, parts, float(np.median(steps)), bandwidth),
-    )
+    return MotionRecord(data=replace(data.select(kept), time=stack(6)), theta=stack(1), theta_dot=stack(2),
+                        theta_ddot=stack(3), torque=stack(4), direction=np.concatenate(sides),
+                        inside=stack(5), runs=tuple(np.arange(a, b) for a, b in zip(counts[:-1], counts[1:])),
+                        bandwidth_hz=bandwidth if filtered else None,
+                        step=float(np.median([np.median(np.diff(part[6])) for part in parts])),
+                        logged_step=float(np.median(steps)), dry=DryFriction.of(robot.axes),
+                        at_reversal=np.zeros(len(kept), bool),
+                        samples=_samples(robot, parts, float(np.median(steps)), bandwidth))
 
 
 def _samples(robot: Robot, parts: list[tuple], step: float, bandwidth: float) -> LogSamples | None:
@@ -214,10 +200,8 @@ def default_bandwidth(robot: Robot, data: Dataset) -> float:
 
     Near it, what the drives feel hangs on a damping that nobody declared.
     """
-    shaken = (
-        any(joint.has_harmonics for joint in robot.joints)
-        and all(joint.spring_linear for joint in robot.joints)
-    )
+    shaken = (any(joint.has_harmonics for joint in robot.joints)
+              and all(joint.spring_linear for joint in robot.joints))
     if not shaken or robot.links is None:
         return BANDWIDTH_HZ
     rows = np.linspace(0, len(data) - 1, min(_SAMPLED_ROWS, len(data))).astype(int)
@@ -228,13 +212,8 @@ def default_bandwidth(robot: Robot, data: Dataset) -> float:
     return float(np.clip(_BELOW_RESONANCE * np.sqrt(softest) / (2.0 * np.pi), _SLOWEST_HZ, BANDWIDTH_HZ))
 
 
-def _rows_per_period(robot: Robot) -> float:
-    return _ROWS_WITH_HARMONICS if any(joint.has_harmonics for joint in robot.joints) else _ROWS_PER_PERIOD
-
-
-def full_record(
-    robot: Robot, data: Dataset, bandwidth_hz: float = BANDWIDTH_HZ, joints: np.ndarray | None = None
-) -> MotionRecord:
+def full_record(robot: Robot, data: Dataset, bandwidth_hz: float = BANDWIDTH_HZ,
+                joints: np.ndarray | None = None) -> MotionRecord:
     """Every row of `data`, angles as they are and nothing measured: only their rates pass the low-pass of the
     angles.
 

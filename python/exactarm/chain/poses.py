@@ -7,8 +7,6 @@ tangent of the fixed point follows from the implicit function theorem:
 Left out of the tangents: that geometry changes the gravity torque too (below 1 % of a geometry column).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -44,8 +42,7 @@ class PosePrediction:
     view: View
 
     def residual(self, orientation: bool = False) -> np.ndarray:
-        """(N, 3) or (N, 6): measured minus predicted; orientation as a rotation vector in the measuring
-        frame."""
+        """(N, 3) or (N, 6): measured minus predicted; rotation vectors in the measuring frame."""
         data = self.view.data
         position = data.position - self.position
         if not orientation:
@@ -54,9 +51,8 @@ class PosePrediction:
         return np.concatenate([position, turned], axis=1)
 
 
-def predict_poses(
-    robot: Robot, layout: Layout, data: Dataset, *, tangents: bool = True, threads: int = 1
-) -> PosePrediction:
+def predict_poses(robot: Robot, layout: Layout, data: Dataset, *, tangents: bool = True,
+                  threads: int = 1) -> PosePrediction:
     """Prediction of every row of `data` with the effects of `layout` in the chain."""
     view = View(layout.baked(robot), data, POSES.name, threads)
     _joint_angles(view, layout, tangents)
@@ -197,10 +193,8 @@ def _transfers(view: View, joint_columns: np.ndarray) -> dict:
         out[:, list(columns)] = derivative
         return out
 
-    return {
-        Station.MOTOR: motor, Station.GEAR: joint, Station.LOAD: load, Station.SPRING: joint,
-        Station.GEOMETRY: geometry, Station.DEVICE: geometry,
-    }
+    return {Station.MOTOR: motor, Station.GEAR: joint, Station.LOAD: load, Station.SPRING: joint,
+            Station.GEOMETRY: geometry, Station.DEVICE: geometry}
 
 
 def _placed(robot: Robot, layout: Layout, session: int) -> Robot:

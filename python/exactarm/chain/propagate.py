@@ -7,8 +7,6 @@ Effects of drives and structure act in every kind of data, those of encoders and
 only.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm.chain.layout import Layout

@@ -5,8 +5,6 @@ The load is an unknown of the fixed point q(torque(q)), as in static poses:
     (I - B G) T_q = T_0 + B T_L,    B = dq/dtorque, G = dg/dq, T_L = direct tangent of the load.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,8 +36,7 @@ Tangents = dict[str, dict[int, np.ndarray]]
 
 
 def moved(tangents: Tangents, signal: str, recorded: Recorded, rows: slice | np.ndarray, size: int) -> None:
-    """Adds one recorded change to the tangent of a signal on `rows`, in place; size = P, 0 without
-    parameters."""
+    """Adds a recorded change to the tangent of a signal on `rows`, in place; size = P, 0: no parameters."""
     change, moves = recorded.change, []
     for name, factor in change.by_signal.items():
         for j, upstream in tangents.get(name, {}).items():

@@ -5,8 +5,6 @@ where the frame's x axis lies after the turn q_j. Rates of axes upstream (their 
 are felt too.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm import _core

@@ -1,15 +1,12 @@
 """The declared joint springs: deflection under a torque, tau = linear e + cubic e^3 (thesis (2.18))."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm.robot.robot import Robot
 
 
 def declared_deflection(robot: Robot, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Change of q under the torque (N, n) that the springs carry, -kappa^{-1}(torque), and its slope by the
-    torque."""
+    """Change of q under the torque (N, n) of the springs, -kappa^{-1}(torque), and its slope by that."""
     linear = np.array([joint.spring_linear or np.inf for joint in robot.joints])
     value, slope = -torque / linear, np.repeat([-1.0 / linear], len(torque), axis=0)
     cubic = np.array([joint.spring_cubic if joint.spring_linear else 0.0 for joint in robot.joints])

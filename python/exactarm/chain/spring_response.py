@@ -13,8 +13,6 @@ where a resonance is crossed and nowhere else. A cubic spring enters by its seca
 spring do not give way.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.linalg import solve_banded
 
@@ -46,8 +44,7 @@ class SpringResponse:
         self.tangent = np.broadcast_to(self.linear, by_q.shape[:2])
 
     def give_way(self, torque: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """e (N, n) under the torque (N, n) of the unbent motion, and the torque that is left at the
-        joints."""
+        """e (N, n) under the torque (N, n) of the unbent motion, and the torque left at the joints."""
         e = -declared_deflection(self.robot, torque)[0]
         for _ in range(_SECANTS if np.any(self.cubic) else 1):
             secant = self.linear + self.cubic * e**2
@@ -61,8 +58,7 @@ class SpringResponse:
         return e, self.carried(torque, e, self.tangent)
 
     def carried(self, torque: np.ndarray, e: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
-        """(N, n, P) torque at the joints as the arm gives way by e (N, n, P): that of the springs where there
-        are any."""
+        """(N, n, P) torque at the joints as the arm gives way by e (N, n, P): the springs', if any."""
         rate, acceleration = self.rates(e)
         springs = stiffness[:, :, None] * e + (DAMPING_S * self.linear)[:, None] * rate
         if np.all(self.elastic):
@@ -91,11 +87,11 @@ class SpringResponse:
             blocks[2][:first] = still[:first]
             now, swings = slice(first - 1, -1), rows[first - 1 : -1]
             for block, s, d, m in zip(blocks, _STIFF, _DAMPED, _MASSIVE):
-                block[first:] = s * still[now] + d / h * (self.by_rate[swings]
-                                                          + damping) + m / h**2 * self.mass[swings]
+                block[first:] = (s * still[now] + d / h * (self.by_rate[swings] + damping)
+                                 + m / h**2 * self.mass[swings])
             mean = right.copy()
-            mean[first:] = _STIFF[0] * right[first
-                                             - 2 : -2] + _STIFF[1] * right[now] + _STIFF[2] * right[first:]
+            mean[first:] = (_STIFF[0] * right[first - 2 : -2] + _STIFF[1] * right[now]
+                            + _STIFF[2] * right[first:])
             flat = mean.reshape(len(rows) * n, -1)
             band = _banded(blocks, self.elastic)
             e[rows] = solve_banded((3 * n - 1, n - 1), band, flat, check_finite=False).reshape(right.shape)
@@ -103,8 +99,7 @@ class SpringResponse:
 
 
 def _positive(mass: np.ndarray) -> np.ndarray:
-    """The mass matrices (N, n, n), made positive where a trial of an identification is not: it would run
-    away."""
+    """The mass matrices (N, n, n), made positive where those of a trial are not: it would run away."""
     try:
         np.linalg.cholesky(mass)
         return mass

@@ -12,8 +12,6 @@ and what is left must be no more than elsewhere. A delay shows only where an axi
 samples are worth keeping.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import ndimage
 
@@ -32,8 +30,7 @@ _MOST_S, _SAME_S, _PASSES = 0.1, 1e-5, 8
 
 def bending_rate(robot: Robot, theta: np.ndarray, acceleration: np.ndarray, time: np.ndarray,
                  axis: int) -> np.ndarray:
-    """(R,) rad/s, from the motor angles (R, n) and the acceleration (R,) of one motor; 0 without masses or a
-    spring."""
+    """(R,) rad/s, from motor angles (R, n) and the acceleration (R,) of one; 0 without masses or a spring."""
     spring = robot.joints[axis].spring_linear
     if robot.links is None or not spring or time.size < 16:
         return np.zeros(time.size)

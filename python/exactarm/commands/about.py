@@ -6,8 +6,6 @@ measured = 2026-03-02                 instrument_u_mm = 0.015     # standard unc
 coordinate
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 from collections.abc import Mapping
@@ -42,17 +40,14 @@ _EXPECTED = "what a certificate says of arm and instrument (.toml)"
 def add_about(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("what the certificate says", "options, or keys of the file of --about")
     group.add_argument(
-        "--about", metavar="FILE", type=Path, help='a .toml with the keys below, as serial = "..."'
-    )
+        "--about", metavar="FILE", type=Path, help='a .toml with the keys below, as serial = "..."')
     for key, label in KEYS.items():
         group.add_argument(
-            f"--{key.replace('_', '-')}", metavar="DATE" if key in DATES else "TEXT", dest=key, help=label
-        )
+            f"--{key.replace('_', '-')}", metavar="DATE" if key in DATES else "TEXT", dest=key, help=label)
 
 
 def about_of(file: str | Path | Mapping[str, Any] | None, options: Mapping[str, Any]) -> dict[str, Any]:
-    """All that is known, options before the file's keys; `instrument_u_mm` is a number, dates are ISO
-    dates."""
+    """All that is known, options before the file's keys; `instrument_u_mm` is a number, dates are ISO."""
     known: dict[str, Any] = {}
     where = None
     if isinstance(file, Mapping):
@@ -63,11 +58,9 @@ def about_of(file: str | Path | Mapping[str, Any] | None, options: Mapping[str, 
         if key not in KEYS:
             raise InputError(f"key {key!r} is unknown; expected one of {', '.join(KEYS)}", file=where)
     told = {key: _checked(key, value, where, key) for key, value in known.items()}
-    told |= {
-        key: _checked(key, value, None, f"--{key.replace('_', '-')}")
-        for key, value in options.items()
-        if value is not None
-    }
+    told |= {key: _checked(key, value, None, f"--{key.replace('_', '-')}")
+             for key, value in options.items()
+             if value is not None}
     return {key: told[key] for key in KEYS if key in told}
 
 
@@ -87,8 +80,7 @@ def _checked(key: str, value: Any, file: str | None, name: str) -> Any:
         if isinstance(value, bool) or not 0.0 <= number <= LARGEST_U_MM:
             raise InputError(
                 f"{name}: {value!r}; expected a standard uncertainty in mm, from 0 to {LARGEST_U_MM:g}",
-                file=file,
-            )
+                file=file)
         return number
     if isinstance(value, (dict, list)) or not str(value).strip():
         raise InputError(f"{name}: expected a text", file=file)

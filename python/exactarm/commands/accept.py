@@ -53,16 +53,14 @@ def accept(draft: str | Path) -> CommandResult:
     lines = tuple(f"{effect.title}: {effect.describe()}" for effect in effects)
     empty = tuple(
         f"{effect.title}: all its values are zero: `simulate` and robot files do nothing with it, `diagnose` "
-        "estimates it" for effect in effects if effect.values and not any(effect.values)
-    )
+        "estimates it" for effect in effects if effect.values and not any(effect.values))
     return CommandResult(
         json={"effects": [effect.to_table() for effect in effects], "file": str(path),
               "warnings": list(empty)},
         report=Report("Accepted effects", f"Now in your library: {'; '.join(titles)}.",
                       (Text("Effects", lines), Warnings(empty)), "caution" if empty else "good"),
         asked=Asked("accept", f'exactarm.accept("{draft}")', None, (Source(str(draft), sha256(draft)),),
-                    DEFAULT_SEED),
-    )
+                    DEFAULT_SEED))
 
 
 def _effect(entry: object, number: int, file: str) -> Effect:

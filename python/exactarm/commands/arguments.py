@@ -1,7 +1,5 @@
 """The arguments that commands share."""
 
-from __future__ import annotations
-
 import argparse
 import os
 from collections.abc import Collection
@@ -26,8 +24,7 @@ def add_files(parser: argparse.ArgumentParser, least: int = 1,
     parser.add_argument("files", metavar="FILE", nargs="+" if least else "*", type=file_or_example, help=text,
                         **optional)
     if least and measured:
-        parser.add_argument("--kind", choices=KIND_NAMES,
-                            help="kind of data (default: told by the columns)")
+        parser.add_argument("--kind", choices=KIND_NAMES, help="kind of data (default: told by the columns)")
         add_map(parser)
 
 

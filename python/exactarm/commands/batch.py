@@ -39,7 +39,7 @@ from exactarm.files.examples import file_or_example
 from exactarm.files.file_bytes import file_bytes
 from exactarm.files.table import parquet_table
 from exactarm.progress import SILENT, Progress
-from exactarm.report import Cell, Highlight, Highlights, Link, Quantity, Report, Table
+from exactarm.report import Highlight, Highlights, Link, Quantity, Report, Table
 
 NAME = "batch"
 HELP = "many robots from one table: one summary, and only what is new is computed"
@@ -120,8 +120,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
 
 
 def _fleet(manifest: AnyManifest, folder: Path, executor: Executor | None, again: bool, seed: int,
-           threads: int,
-           progress: Progress) -> CommandResult:
+           threads: int, progress: Progress) -> CommandResult:
     jobs = read_jobs(manifest, seed)
     waiting = [job for job in jobs if again or not _kept(job, folder)]
     outcomes = {job.name: _outcome(job, folder, "kept") for job in jobs if job not in waiting}
@@ -137,8 +136,7 @@ def _fleet(manifest: AnyManifest, folder: Path, executor: Executor | None, again
         for future in as_completed(futures):
             job, error = futures[future], future.exception()
             outcomes[job.name] = (
-                future.result() if error is None else _failed(job, f"the worker ended: {error}")
-            )
+                future.result() if error is None else _failed(job, f"the worker ended: {error}"))
             progress.step(note=job.name)
     ended = [outcomes[job.name] for job in jobs]
     read = sources([manifest]) if isinstance(manifest, (str, Path)) else ()
@@ -151,8 +149,7 @@ def _fleet(manifest: AnyManifest, folder: Path, executor: Executor | None, again
                                     for name in Outcome.__dataclass_fields__}},
         exit_code=1 if failed else 0,
         asked=Asked("batch", f"exactarm.batch({str(manifest)!r}, {str(folder)!r}, seed={seed})"
-                    if read else "exactarm.batch(...)", None, read, seed),
-    )
+                    if read else "exactarm.batch(...)", None, read, seed))
 
 
 def run_job(job: Job, folder: Path, threads: int = 1) -> Outcome:
@@ -285,8 +282,7 @@ def _outcome(job: Job, folder: Path, state: str) -> Outcome:
     if after is None:
         after = (result.get("error") or {}).get("rms")
     return Outcome(job.name, job.command, job.robot, state, result.get("verdict", ""),
-                   result.get("unit", "m"),
-                   before, after, result["seconds"])
+                   result.get("unit", "m"), before, after, result["seconds"])
 
 
 def _rms(sets: Any) -> float | None:
@@ -302,12 +298,11 @@ def _report(ended: Sequence[Outcome]) -> Report:
     more = f" ({count['failed'] - 1} more failed)" if count["failed"] > 1 else ""
     verdict = (
         f"{len(ended)} job{'s' if len(ended) != 1 else ''}: {count['done']} computed, {count['kept']} kept "
-        f"because nothing had changed, {count['failed']} failed.{first}{more}"
-    )
+        f"because nothing had changed, {count['failed']} failed.{first}{more}")
     judged = any(outcome.verdict for outcome in ended)  # of a diagnosis
     row = lambda o: (o.name, o.command, o.robot, o.state, *([o.verdict.replace("_", " ")] if judged else []),
-                     Quantity(o.before_rms, o.unit),
-                     Quantity(o.after_rms, o.unit), Quantity(o.seconds, "s"), _page(o))
+                     Quantity(o.before_rms, o.unit), Quantity(o.after_rms, o.unit), Quantity(o.seconds, "s"),
+                     Link(f"{o.name}/report.html", "report") if o.state != "failed" else "")
     header = ("name", "command", "robot", "state", *(["verdict"] if judged else []), "RMS before",
               "RMS after", "time", "page")
     failures = tuple((o.name, o.why) for o in ended if o.state == "failed")
@@ -319,7 +314,3 @@ def _report(ended: Sequence[Outcome]) -> Report:
         Table("Jobs", header, tuple(row(outcome) for outcome in ended),
               "RMS on rows that were never fitted, where there are any."),
     ), "caution" if count["failed"] else "good")
-
-
-def _page(outcome: Outcome) -> Cell:
-    return Link(f"{outcome.name}/report.html", "report") if outcome.state != "failed" else ""

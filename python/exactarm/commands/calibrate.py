@@ -22,11 +22,10 @@ from exactarm.commands.call import (
     threads_of,
 )
 from exactarm.commands.error_sections import error_figures, error_table, geometry_tables, highlights, unit_of
-from exactarm.commands.load_section import with_load_section
+from exactarm.commands.load_section import with_load_section, with_payload_section
 from exactarm.commands.memory import within_memory
 from exactarm.commands.next_steps import next_steps
 from exactarm.commands.output import PICTURES, ROBOT_FILES
-from exactarm.commands.payload_section import with_payload_section
 from exactarm.commands.result import WORSE, CommandResult, estimate
 from exactarm.commands.steps import CHECKING, READING, STEPS
 from exactarm.commands.suspicions import suspicions
@@ -67,13 +66,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="Huber's loss: gross errors weigh less (default: where some rows are far off)")
 
 
-def calibrate(
-    robot: AnyRobot, data: AnyData, *, use: Literal["auto", "position", "pose"] = "auto",
-    compliance: Sequence[int] | None = None, robust: bool | None = None, seed: int = DEFAULT_SEED,
-    threads: int | None = None,
-    kind: str | None = None, fixture: AnyFixture = None, sessions: str | Path | None = None,
-    progress: Progress = SILENT,
-) -> CommandResult:
+def calibrate(robot: AnyRobot, data: AnyData, *, use: Literal["auto", "position", "pose"] = "auto",
+              compliance: Sequence[int] | None = None, robust: bool | None = None, seed: int = DEFAULT_SEED,
+              threads: int | None = None, kind: str | None = None, fixture: AnyFixture = None,
+              sessions: str | Path | None = None, progress: Progress = SILENT) -> CommandResult:
     """Identifies geometry, joint offsets, gear ratios and joint springs from measured poses or closures.
 
     use: positions alone, or orientations too ("auto": what was measured). compliance: axes from 1 whose
@@ -94,13 +90,9 @@ def calibrate(
     wrong = [axis for axis in compliance or () if not 1 <= axis <= declared.axes]
     if wrong:
         raise InputError(f"compliance: axis {wrong[0]} does not exist, expected 1 to {declared.axes}")
-    options = CalibrationOptions(
-        orientation={"auto": None, "position": False, "pose": True}[use],
-        compliance=None if compliance is None else tuple(compliance),
-        robust=robust,
-        seed=seed,
-        threads=threads_of(threads),
-    )
+    options = CalibrationOptions(orientation={"auto": None, "position": False, "pose": True}[use],
+                                 compliance=None if compliance is None else tuple(compliance),
+                                 robust=robust, seed=seed, threads=threads_of(threads))
     progress.stage(CHECKING)
     rows, told = within_memory("calibrate", rows.kind, rows, progress)
     with suspicions(declared, rows) as found:
@@ -112,8 +104,7 @@ def calibrate(
         tables={"residuals.csv": residual_table(result.data, result.identification, result.error_before,
                                                 result.residual_after)},
         asked=asked("calibrate", robot, rows, seed, given,
-                    {"use": "auto", "compliance": None, "robust": None}),
-    ).warned([*told, *found])
+                    {"use": "auto", "compliance": None, "robust": None})).warned([*told, *found])
     made = with_payload_section(made, result.payloads, "One stiffness for all sessions.")
     return with_load_section(made, declared, rows)
 
@@ -121,10 +112,8 @@ def calibrate(
 def run(arguments: argparse.Namespace) -> CommandResult:
     return calibrate(
         arguments.robot, arguments.files, use=arguments.use, compliance=_axes(arguments.compliance),
-        robust=arguments.robust,
-        seed=arguments.seed, threads=arguments.threads, kind=arguments.kind, fixture=arguments.fixture,
-        sessions=arguments.sessions, progress=arguments.progress,
-    )
+        robust=arguments.robust, seed=arguments.seed, threads=arguments.threads, kind=arguments.kind,
+        fixture=arguments.fixture, sessions=arguments.sessions, progress=arguments.progress)
 
 
 CALIBRATORS = {POSES.name: identify_geometry, CLOSURES.name: calibrate_closures}
@@ -155,20 +144,15 @@ def _json(result: Calibration) -> dict[str, Any]:
         "unit": _unit(result),
         "before": _summaries(result.before, result.beside_before),
         "after": _summaries(result.after, result.beside_after),
-        "parameters": {
-            name: estimate(float(value), float(low), float(high))
-            for name, value, (low, high) in zip(result.names, shown.x, shown.interval())
-        },
-        "dropped": [
-            {"parameter": entry.name, "why": entry.why, "collides_with": list(entry.collides_with)}
-            for entry in result.identifiability.dropped
-        ],
+        "parameters": {name: estimate(float(value), float(low), float(high))
+                       for name, value, (low, high) in zip(result.names, shown.x, shown.interval())},
+        "dropped": [{"parameter": entry.name, "why": entry.why, "collides_with": list(entry.collides_with)}
+                    for entry in result.identifiability.dropped],
         "observability": result.identifiability.observability.as_dict(),
         "noise": {"position_m": result.fit.sigma_position, "orientation_rad": result.fit.sigma_orientation},
         **_drawing(result),
         "converged": result.fit.fit.converged,
-        "warnings": list(result.warnings),
-    }
+        "warnings": list(result.warnings)}
 
 
 def _drawing(result: Calibration) -> dict[str, Any]:
@@ -187,17 +171,15 @@ def residual_table(data: Dataset, identification: np.ndarray, before: np.ndarray
                    after: np.ndarray) -> dict[str, Any]:
     """Columns of residuals.csv: where the row came from, its set, error before, residual after."""
     files = [source.path for source in data.sources] or [""]
-    return {
-        "file": [files[i] for i in data.file_index],
-        "row": data.row,
-        "session": data.session,
-        "set": np.where(identification, "identification", "validation"),
-        "error_before_m": before,
-        "error_after_m": np.linalg.norm(after, axis=1),
-        "dx_m": after[:, 0],
-        "dy_m": after[:, 1],
-        "dz_m": after[:, 2],
-    }
+    return {"file": [files[i] for i in data.file_index],
+            "row": data.row,
+            "session": data.session,
+            "set": np.where(identification, "identification", "validation"),
+            "error_before_m": before,
+            "error_after_m": np.linalg.norm(after, axis=1),
+            "dx_m": after[:, 0],
+            "dy_m": after[:, 1],
+            "dz_m": after[:, 2]}
 
 
 def _unit(result: Calibration) -> str:
@@ -210,10 +192,8 @@ def _report(robot: Robot, data: Dataset, result: Calibration, rule: str) -> Repo
     judge = "validation" if result.after["validation"].n else "identification"
     before, after = result.before[judge], result.after[judge]
     who = "poses that were never fitted" if judge == "validation" else "the fitted poses (none were held out)"
-    verdict = (
-        f"The mean position error on {who} {change(before.mean, after.mean, unit)} "
-        f"(largest: {' to '.join(quantities([before.max, after.max], unit))})."
-    )
+    verdict = (f"The mean position error on {who} {change(before.mean, after.mean, unit)} "
+               f"(largest: {' to '.join(quantities([before.max, after.max], unit))}).")
     what, row, known = "position error", "pose", ()
     note = "Before: nominal parameters with only base and tool frames fitted. " + rule
     if data.kind == CLOSURES.name:
@@ -229,25 +209,20 @@ def _report(robot: Robot, data: Dataset, result: Calibration, rule: str) -> Repo
     sections = (
         highlights(result.before, result.after, unit),
         next_steps(robot, kind_of(data.kind), before.mean, after.mean, after.rms > WORSE * before.rms),
-        error_table(result.before, result.after, unit, what.capitalize(), note),
-        *known,
+        error_table(result.before, result.after, unit, what.capitalize(), note), *known,
         *error_figures(result.error_before, result.error_after, result.identification, unit, what, row),
-        *_parameter_sections(robot, result),
-        dropped_table(result.identifiability.dropped),
-        Warnings(result.warnings),
-    )
+        *_parameter_sections(robot, result), dropped_table(result.identifiability.dropped),
+        Warnings(result.warnings))
     return Report(f"Calibration of {robot.name}", verdict, sections,
                   "good" if after.mean < before.mean else "caution")
 
 
 def _distance_tables(result: Calibration) -> tuple[Any, ...]:
-    """The known distances before and after; on the validation rows, with the contacts fitted to these rows
-    alone."""
+    """The known distances before and after; on validation rows with the contacts fitted to these alone."""
     def table(title: str, error: str, unit: str, note: str) -> Table:
         rows = tuple(
             (name, Quantity(result.beside_before[name].get(error), unit), Quantity(after[error], unit))
-            for name, after in result.beside_after.items() if error in after
-        )
+            for name, after in result.beside_after.items() if error in after)
         return Table(title, ("rows", "before", "after"), rows, note)
 
     tables = (
@@ -257,8 +232,7 @@ def _distance_tables(result: Calibration) -> tuple[Any, ...]:
               "Mean absolute error. The scatter about contacts cannot show a wrong scale; a known distance "
               "does."),
         table("Direction of gravity", "tilt_error_rad", "rad",
-              "Mean angle. In plots, 1 mrad stands as 1 mm: what it makes at a lever of 1 m."),
-    )
+              "Mean angle. In plots, 1 mrad stands as 1 mm: what it makes at a lever of 1 m."))
     return tuple(each for each in tables if each.rows)
 
 
@@ -286,8 +260,7 @@ def _parameter_sections(robot: Robot, result: Calibration) -> tuple[Any, ...]:
         partial(parameter_forest, names, x - start, intervals[:, 0] - start, intervals[:, 1] - start, units),
         "Change of each parameter from its declared value, with its 95 % interval. Names are those of "
         "`result.json`, which is in m and rad." + beside,
-        "parameter changes with intervals",
-    ),) if names else ()
+        "parameter changes with intervals"),) if names else ()
     frames_names, _, frames_x, frames_intervals, frames_units = pick(frame)
     frames = tuple(
         Table(heading, ("parameter", "estimate (95 %)"), tuple(
@@ -295,12 +268,11 @@ def _parameter_sections(robot: Robot, result: Calibration) -> tuple[Any, ...]:
             for name, value, (low, high), own in zip(frames_names, frames_x, frames_intervals, frames_units)
             if own == unit))
         for unit, heading, shown, size in (("m", "Frames: positions", "mm", 1e-3),
-                                           ("rad", "Frames: rotations", "deg", np.pi / 180.0))
-    )
+                                           ("rad", "Frames: rotations", "deg", np.pi / 180.0)))
     return *figures, *tables, *frames
 
 
-def dropped_table(dropped: Sequence[Dropped]) -> Table:
-    rows = tuple((entry.name, entry.why) for entry in dropped)
-    return Table("Not identified", ("parameter", "why"), rows, "These keep their declared values.")
+def dropped_table(dropped: Sequence[Dropped], note: str = "These keep their declared values.",
+                  heading: str = "Not identified") -> Table:
+    return Table(heading, ("parameter", "why"), tuple((entry.name, entry.why) for entry in dropped), note)
 

@@ -33,11 +33,9 @@ AnyData = Dataset | str | Path | Sequence[str | Path]
 AnyFixture = Fixture | str | Path | None
 
 
-def data_of(
-    data: AnyData, robot: Robot, kind: str | None = None, fixture: AnyFixture = None,
-    sessions: str | Path | None = None, columns: Mapping[str, str] | None = None, *,
-    weighs: Collection[str] = (),
-) -> Dataset:
+def data_of(data: AnyData, robot: Robot, kind: str | None = None, fixture: AnyFixture = None,
+            sessions: str | Path | None = None, columns: Mapping[str, str] | None = None, *,
+            weighs: Collection[str] = ()) -> Dataset:
     """Data as they are, or those of the files; with what is known of their fixture and of whole sessions.
     columns: the files' names -> ours; weighs: the kinds whose unknown payloads the command
     estimates."""
@@ -52,8 +50,7 @@ def data_of(
         raise InputError(
             f"session {data.unweighed[0]}: no mass; expected one: `exactarm calibrate` of poses and "
             "`identify` of motions estimate it and write payloads.csv for --sessions",
-            file=None if sessions is None else str(sessions), column=PAYLOAD,
-        )
+            file=None if sessions is None else str(sessions), column=PAYLOAD)
     return data
 
 
@@ -118,10 +115,8 @@ def _word(path: Any) -> str:
     return repr(str(path))
 
 
-def read(
-    files: str | Path | Sequence[str | Path], robot: AnyRobot, *, kind: str | None = None,
-    fixture: AnyFixture = None, columns: Mapping[str, str] | None = None,
-) -> Dataset:
+def read(files: str | Path | Sequence[str | Path], robot: AnyRobot, *, kind: str | None = None,
+         fixture: AnyFixture = None, columns: Mapping[str, str] | None = None) -> Dataset:
     """Measured data of one or more CSV or Parquet files, in SI units. fixture: what is known of touched
     contacts. columns: the files' names -> ours, as {"J1": "q_1_deg"}.
 

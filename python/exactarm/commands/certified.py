@@ -1,7 +1,5 @@
 """What `evaluate --at POSES` adds: the 95 % ellipsoid of the target's error at every pose."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
@@ -15,7 +13,8 @@ from exactarm.data.dataset import Dataset
 from exactarm.identify.pose_uncertainty import PoseUncertainty
 from exactarm.report import Cell, Figure, Quantity, Table
 from exactarm.report.numbers import quantity
-from exactarm.report.plots.uncertainty import half_axes_per_pose, half_axes_per_pose_panel
+from exactarm.report.plots.style import figure_of_panel
+from exactarm.report.plots.uncertainty import half_axes_per_pose
 
 FILE = "uncertainty.csv"
 
@@ -32,8 +31,7 @@ def with_uncertainty(made: CommandResult, found: PoseUncertainty, poses: Dataset
         "uncertainty": [_entry(found, poses, k) for k in range(len(radius))],
         "uncertainty_check": {"rows": found.rows, "scale": found.scale, "coverage": found.coverage,
                               "own_validation_rows": found.own,
-                              "parameter_covariance": found.with_parameters},
-    }
+                              "parameter_covariance": found.with_parameters}}
     tables = dict(made.tables) | {FILE: _table(found, poses)}
     return replace(made, json=json, report=report, tables=tables).warned(list(_warnings(found)))
 
@@ -67,14 +65,12 @@ def _sections(found: PoseUncertainty) -> tuple[Table | Figure, ...]:
         ("smallest", Quantity(float(radius.min()), "m")),
         ("largest", Quantity(float(radius.max()), "m")),
         (f"judged by, {which}", found.rows),
-        ("inside, of rows left out in turn", f"{100.0 * found.coverage:.1f} %"),
-    )
+        ("inside, of rows left out in turn", f"{100.0 * found.coverage:.1f} %"))
     note = (f"Ellipsoids from the estimates' covariance, curves of gears and noise, times {found.scale:.2f} "
             f"in variance so that the judged rows are held. One row a pose in `{FILE}`.")
     return (
         Table("Certified error", ("", ""), rows, note),
-        Figure("uncertainty_per_pose", "Half axes of the 95 % ellipsoid at every pose",
-               partial(half_axes_per_pose, found.half_axes), "From the shortest to the longest half axis.",
-               "half axes of the ellipsoid against the pose",
-               partial(half_axes_per_pose_panel, found.half_axes)),
-    )
+        figure_of_panel("uncertainty_per_pose", "Half axes of the 95 % ellipsoid at every pose",
+                        partial(half_axes_per_pose, found.half_axes), 3.6,
+                        "From the shortest to the longest half axis.",
+                        "half axes of the ellipsoid against the pose"))

@@ -44,31 +44,18 @@ WRITES = (*PICTURES, "residuals.csv", PDF)
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
     add_files(parser)
-    parser.add_argument(
-        "--before",
-        metavar="ROBOT",
-        help="the model to compare with (default: the chain that the controller works with)",
-    )
+    parser.add_argument("--before", metavar="ROBOT",
+                        help="the model to compare with (default: the chain that the controller works with)")
     parser.add_argument(
         "--path", metavar="FILE", type=Path, action="append", default=[],
-        help="tracked motion along a path, several cycles (AT, RT), in the poses' set-up; may be repeated",
-    )
+        help="tracked motion along a path, several cycles (AT, RT), in the poses' set-up; may be repeated")
     add_about(parser)
 
 
-def certify(
-    robot: AnyRobot,
-    data: AnyData,
-    *,
-    before: AnyRobot | None = None,
-    path: AnyData = (),
-    about: str | Path | Mapping[str, Any] | None = None,
-    seed: int = DEFAULT_SEED,
-    threads: int | None = None,
-    kind: str | None = None,
-    progress: Progress = SILENT,
-    **details: Any,
-) -> CommandResult:
+def certify(robot: AnyRobot, data: AnyData, *, before: AnyRobot | None = None, path: AnyData = (),
+            about: str | Path | Mapping[str, Any] | None = None, seed: int = DEFAULT_SEED,
+            threads: int | None = None, kind: str | None = None, progress: Progress = SILENT,
+            **details: Any) -> CommandResult:
     """Judges an identified robot on poses that were never fitted, beside the nominal one, with a budget of
     uncertainty.
 
@@ -92,8 +79,7 @@ def certify(
     earlier = nominal_robot(arm) if before is None else robot_of(before)
     if earlier.axes != arm.axes:
         raise InputError(
-            f"--before: {earlier.axes} axes, the robot has {arm.axes}; expected a model of the same arm"
-        )
+            f"--before: {earlier.axes} axes, the robot has {arm.axes}; expected a model of the same arm")
     followed = _followed(path, arm)
     progress.stage(CHECKING)
     within_memory("evaluate", rows.kind, rows)
@@ -106,28 +92,16 @@ def certify(
     json = results_of(certified)
     json["robot_sha256"] = sha256(robot) if isinstance(robot, (str, Path)) and Path(robot).is_file() else None
     return CommandResult(
-        json=json,
-        report=certificate(certified),
-        tables={"residuals.csv": _table(certified)},
-        inputs=tuple(inputs),
-        pdf=PDF,
-        asked=asked("certify", robot, rows, seed, options, dict.fromkeys(options)),
-    ).warned(found)
+        json=json, report=certificate(certified), tables={"residuals.csv": _table(certified)},
+        inputs=tuple(inputs), pdf=PDF,
+        asked=asked("certify", robot, rows, seed, options, dict.fromkeys(options))).warned(found)
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:
-    return certify(
-        arguments.robot,
-        arguments.files,
-        before=arguments.before,
-        path=arguments.path,
-        about=arguments.about,
-        seed=arguments.seed,
-        threads=arguments.threads,
-        kind=arguments.kind,
-        progress=arguments.progress,
-        **{key: getattr(arguments, key) for key in KEYS if getattr(arguments, key) is not None},
-    )
+    return certify(arguments.robot, arguments.files, before=arguments.before, path=arguments.path,
+                   about=arguments.about, seed=arguments.seed, threads=arguments.threads, kind=arguments.kind,
+                   progress=arguments.progress,
+                   **{key: getattr(arguments, key) for key in KEYS if getattr(arguments, key) is not None})
 
 
 def _followed(path: AnyData, arm: Robot) -> tuple[Dataset, ...]:
@@ -136,23 +110,15 @@ def _followed(path: AnyData, arm: Robot) -> tuple[Dataset, ...]:
     return tuple(data_of(file, arm, TRACKED_MOTION.name) for file in files)
 
 
-def _certify(
-    arm: Robot, earlier: Robot, data: Dataset, followed: tuple[Dataset, ...], told: dict[str, Any], seed: int,
-    threads: int,
-) -> Certified:
+def _certify(arm: Robot, earlier: Robot, data: Dataset, followed: tuple[Dataset, ...], told: dict[str, Any],
+             seed: int, threads: int) -> Certified:
     rows = choose_rows((arm, earlier), data, seed)
     before, after = (judge(each, data, rows, seed, threads) for each in (earlier, arm))
     judged = data.select(rows.judged)
     instrument = told.get("instrument_u_mm")
     points = _in_first_frame(judged, after)
     return Certified(
-        robot=arm,
-        earlier=earlier,
-        data=judged,
-        rows=rows,
-        about=told,
-        before=before,
-        after=after,
+        robot=arm, earlier=earlier, data=judged, rows=rows, about=told, before=before, after=after,
         points=in_base(arm, points),
         summaries=(summarise(before.error), summarise(after.error)),
         iso=iso_9283(judged, before.residual, after.residual, after.predicted, before.predicted, seed),
@@ -160,8 +126,7 @@ def _certify(
         else iso_orientation(judged, before.turn, after.turn, after.base),
         paths=path_tests((earlier, arm), (before, after), followed),
         budget=budget(judged, after, None if instrument is None else 1e-3 * instrument),
-        regions=by_region(points, in_base(arm, points), before.error, after.error),
-    )
+        regions=by_region(points, in_base(arm, points), before.error, after.error))
 
 
 def _in_first_frame(data: Dataset, judged: Judged) -> np.ndarray:
@@ -180,12 +145,10 @@ def _in_first_frame(data: Dataset, judged: Judged) -> np.ndarray:
 def _table(certified: Certified) -> dict[str, Any]:
     data, after = certified.data, certified.after
     files = [source.path for source in data.sources] or [""]
-    columns = {
-        "file": [files[i] for i in data.file_index],
-        "row": data.row,
-        "session": data.session,
-        "error_before_m": certified.before.error,
-        "error_after_m": after.error,
-    }
+    columns = {"file": [files[i] for i in data.file_index],
+               "row": data.row,
+               "session": data.session,
+               "error_before_m": certified.before.error,
+               "error_after_m": after.error}
     columns |= {f"d{axis}_m": after.residual[:, i] for i, axis in enumerate("xyz")}
     return columns | {f"{axis}_base_m": certified.points[:, i] for i, axis in enumerate("xyz")}

@@ -1,7 +1,5 @@
 """What `certify` says: keys of result.json and the page."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -14,9 +12,9 @@ from exactarm.data.dataset import Dataset
 from exactarm.identify.statistics import ErrorSummary
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import change, quantities, quantity
-from exactarm.report.plots.errors import error_histogram, error_histogram_panel
-from exactarm.report.plots.style import on_one_panel
-from exactarm.report.plots.workspace_error import distance_error_panel, error_over_workspace
+from exactarm.report.plots.errors import error_histogram
+from exactarm.report.plots.style import figure_of_panel
+from exactarm.report.plots.workspace_error import distance_error, error_over_workspace
 from exactarm.robot.robot import Robot
 from exactarm.verify.held_out import Judged, Rows
 from exactarm.verify.iso_9283 import LEAST_VISITS, STANDARD_VISITS, Distances, Iso9283
@@ -31,8 +29,7 @@ MANY_FREEDOM = 1000  # degrees of freedom beyond which a number says nothing
 
 @dataclass(frozen=True)
 class Certified:
-    """All that a certificate is written from. data, points: the judged rows; summaries: errors before and
-    after."""
+    """What a certificate is written from. data, points: the judged rows; summaries: errors before, after."""
 
     robot: Robot
     earlier: Robot
@@ -100,38 +97,26 @@ def results_of(c: Certified) -> dict[str, Any]:
     return {
         "before": {"validation": before.to_json()},
         "after": {"validation": after.to_json()},
-        "mean_error_m": {
-            "before": estimate(*mean_with_interval(c.data, c.before.error)),
-            "after": estimate(*mean_with_interval(c.data, c.after.error)),
-        },
+        "mean_error_m": {"before": estimate(*mean_with_interval(c.data, c.before.error)),
+                         "after": estimate(*mean_with_interval(c.data, c.after.error))},
         "rows": {"judged": int(c.rows.judged.sum()), "frames": int(c.rows.frames.sum()), "why": c.rows.why},
         "iso_9283": _iso_json(c.iso) | _orientation_json(c.orientation) | _path_json(c.paths)
         | {"missing": c.missing},
         "uncertainty": {
             "budget": [
-                {
-                    "source": e.source,
-                    "type": e.kind,
-                    "u_m": e.u,
-                    "degrees_of_freedom": _freedom(e.freedom),
-                    "how": e.how,
-                }
-                for e in c.budget.entries
-            ],
+                {"source": e.source, "type": e.kind, "u_m": e.u, "degrees_of_freedom": _freedom(e.freedom),
+                 "how": e.how}
+                for e in c.budget.entries],
             "u_m": c.budget.u,
             "degrees_of_freedom": _freedom(c.budget.freedom),
             "k": c.budget.coverage_factor,
             "expanded_m": c.budget.expanded,
             "radius95_m": c.budget.radius,
-            "share_within_radius": c.budget.share_within,
-        },
-        "regions": [
-            {"region": name, "before": one.to_json(), "after": other.to_json()}
-            for name, one, other in c.regions
-        ],
+            "share_within_radius": c.budget.share_within},
+        "regions": [{"region": name, "before": one.to_json(), "after": other.to_json()}
+                    for name, one, other in c.regions],
         "about": c.about,
-        "warnings": list(c.warnings),
-    }
+        "warnings": list(c.warnings)}
 
 
 def _freedom(value: float) -> float | None:
@@ -143,19 +128,12 @@ def _iso_json(iso: Iso9283) -> dict[str, Any]:
     out: dict[str, Any] = {}
     if iso.poses:
         out["pose_tests"] = [
-            {
-                "visits": t.visits,
-                "AP_before_m": t.accuracy_before,
-                "AP_after_m": t.accuracy_after,
-                "RP_m": t.repeatability,
-            }
-            for t in iso.poses
-        ]
-        out |= {
-            "AP_before_max_m": max(t.accuracy_before for t in iso.poses),
-            "AP_after_max_m": max(t.accuracy_after for t in iso.poses),
-            "RP_max_m": max(t.repeatability for t in iso.poses),
-        }
+            {"visits": t.visits, "AP_before_m": t.accuracy_before, "AP_after_m": t.accuracy_after,
+             "RP_m": t.repeatability}
+            for t in iso.poses]
+        out |= {"AP_before_max_m": max(t.accuracy_before for t in iso.poses),
+                "AP_after_max_m": max(t.accuracy_after for t in iso.poses),
+                "RP_max_m": max(t.repeatability for t in iso.poses)}
     if iso.directions:
         out["vAP_before_m"], out["vAP_after_m"], out["vAP_poses"] = iso.directions
     if iso.drift:
@@ -185,8 +163,7 @@ def _path_json(paths: tuple[PathTest, ...]) -> dict[str, Any]:
     return {} if not paths else {"paths": [
         {"session": t.session, "cycles": t.cycles, "length_m": t.length, "speed_m_s": t.speed,
          "AT_before_m": t.accuracy_before, "AT_after_m": t.accuracy_after, "RT_m": t.repeatability}
-        for t in paths
-    ]}
+        for t in paths]}
 
 
 def certificate(c: Certified) -> Report:
@@ -196,74 +173,50 @@ def certificate(c: Certified) -> Report:
     largest = quantities([before.max, after.max], "m")
     error = (f"{change(before.mean, after.mean, 'm')} (largest: {' to '.join(largest)})" if c.compared else
              f"is {quantity(after.mean, 'm')} (largest: {largest[0]}), by one model alone")
-    verdict = (
-        f"{who}: at {after.n} measured positions that were never fitted the mean error {error}. "
-        f"The model's position has an "
-        f"expanded uncertainty of {quantity(c.budget.expanded, 'm')} a coordinate (k = "
-        f"{c.budget.coverage_factor:.2f}, 95 %)."
-    )
+    verdict = (f"{who}: at {after.n} measured positions that were never fitted the mean error {error}. The "
+               f"model's position has an expanded uncertainty of {quantity(c.budget.expanded, 'm')} a "
+               f"coordinate (k = {c.budget.coverage_factor:.2f}, 95 %).")
     if not c.rows.unseen:
         verdict = verdict.replace("that were never fitted ", "")
     tone = "bad" if after.mean > before.mean else "caution" if c.rows.warnings else "good"
     sections = (
-        Warnings(c.warnings),
-        Highlights(_highlights(c)),
-        _about(c),
-        _held_out(c),
-        _iso(c.iso),
+        Warnings(c.warnings), Highlights(_highlights(c)), _about(c), _held_out(c), _iso(c.iso),
         *([_orientation(c.orientation)] if c.orientation is not None else []),
         *([_paths(c.paths)] if c.paths else []),
         *([Text("Not evaluated", tuple(f"{measure}: {why}." for measure, why in c.missing.items()))]
           if c.missing else []),
         _budget(c.budget),
-        Text(
-            "What was compared",
-            (
-                f"Before: {c.earlier.name}. After: the robot file as it is. Of both, base and tool frame "
-                f"alone were fitted, with {int(c.rows.frames.sum())} "
-                f"rows. {c.rows.why}",
-            ),
-        ),
-        Figure(
-            "error_histogram",
-            "Distribution of the position error",
-            partial(error_histogram, c.before.error, c.after.error, of="positions"),
+        Text("What was compared",
+             (f"Before: {c.earlier.name}. After: the robot file as it is. Of both, base and tool frame alone "
+              f"were fitted, with {int(c.rows.frames.sum())} rows. {c.rows.why}",)),
+        figure_of_panel(
+            "error_histogram", "Distribution of the position error",
+            partial(error_histogram, c.before.error, c.after.error, "m", of="positions"), 3.0,
             "Number of held-out positions by their error.",
-            "histogram of the position error before and after",
-            partial(error_histogram_panel, c.before.error, c.after.error, "m", of="positions"),
-        ),
+            "histogram of the position error before and after"),
         Figure(
-            "error_over_workspace",
-            "Position error over the work space",
+            "error_over_workspace", "Position error over the work space",
             partial(error_over_workspace, c.points, c.before.error, c.after.error),
             "Held-out positions of the target in the robot's base frame, coloured by their error; one scale "
-            "for before and after, the "
-            "largest errors on top.",
-            "position errors before and after, seen from above and from the side",
-        ),
-        *([_distances(c.iso.distances)] if c.iso.distances else []),
-    )
+            "for before and after, the largest errors on top.",
+            "position errors before and after, seen from above and from the side"),
+        *([_distances(c.iso.distances)] if c.iso.distances else []))
     return Report(f"Certificate of {c.robot.name}", verdict, sections, tone)
 
 
 def _highlights(c: Certified) -> tuple[Highlight, ...]:
     before, after = c.summaries
-    items = [
-        Highlight(f"held-out, {name}", Quantity(now, "m"), Quantity(then, "m") if c.compared else None)
-        for name, now, then in (("mean", after.mean, before.mean), ("maximum", after.max, before.max))
-    ]
+    items = [Highlight(f"held-out, {name}", Quantity(now, "m"), Quantity(then, "m") if c.compared else None)
+             for name, now, then in (("mean", after.mean, before.mean), ("maximum", after.max, before.max))]
     if c.iso.poses:
         items.append(
-            Highlight("repeatability RP, largest", Quantity(max(t.repeatability for t in c.iso.poses), "m"))
-        )
+            Highlight("repeatability RP, largest", Quantity(max(t.repeatability for t in c.iso.poses), "m")))
     return (*items, Highlight("expanded uncertainty, 95 %", Quantity(c.budget.expanded, "m")))
 
 
 def _about(c: Certified) -> Table:
-    rows = [
-        (KEYS[key], f"{value:g} mm a coordinate (k = 1)" if key == "instrument_u_mm" else str(value))
-        for key, value in c.about.items()
-    ]
+    rows = [(KEYS[key], f"{value:g} mm a coordinate (k = 1)" if key == "instrument_u_mm" else str(value))
+            for key, value in c.about.items()]
     for source in c.data.sources:
         rows += [("data", f"{source.path}, {source.rows} rows"), ("SHA-256 of the data", source.sha256)]
     return Table("Arm, instrument, data", ("", ""), tuple(rows))
@@ -272,19 +225,15 @@ def _about(c: Certified) -> Table:
 def _held_out(c: Certified) -> Table:
     before, after = c.summaries
     row = lambda name, one, other: (
-        name,
-        one.n,
-        *(Quantity(getattr(s, key), "m") for key in ("mean", "rms", "max") for s in (one, other)),
-    )
+        name, one.n,
+        *(Quantity(getattr(s, key), "m") for key in ("mean", "rms", "max") for s in (one, other)))
     rows = [row("all", before, after), *(row(*region) for region in c.regions)]
-    return Table(
-        "Held-out position error",
-        ("where", "rows", "mean before", "mean after", "RMS before", "RMS after", "maximum before",
-         "maximum after"),
-        tuple(rows),
-        "Reach: distance of the target from the first axis; height: in the base frame.",
-        0,
-    )
+    return Table("Held-out position error",
+                 ("where", "rows", "mean before", "mean after", "RMS before", "RMS after", "maximum before",
+                  "maximum after"),
+                 tuple(rows),
+                 "Reach: distance of the target from the first axis; height: in the base frame.",
+                 0)
 
 
 def _iso(iso: Iso9283) -> Table:
@@ -293,12 +242,8 @@ def _iso(iso: Iso9283) -> Table:
     if iso.poses:
         of = f"{len(iso.poses)} poses, {iso.visits} visits or more"
         for label, pick in (("largest", np.max), ("mean", np.mean)):
-            add(
-                f"pose accuracy AP, {label}",
-                pick([t.accuracy_before for t in iso.poses]),
-                pick([t.accuracy_after for t in iso.poses]),
-                of,
-            )
+            add(f"pose accuracy AP, {label}", pick([t.accuracy_before for t in iso.poses]),
+                pick([t.accuracy_after for t in iso.poses]), of)
         largest = max(t.repeatability for t in iso.poses)
         add("pose repeatability RP, largest", largest, largest, of)
     if iso.directions:
@@ -309,25 +254,15 @@ def _iso(iso: Iso9283) -> Table:
     if iso.distances:
         of = f"{len(iso.distances.length)} pairs of poses"
         for label, pick in (("largest", np.max), ("mean", np.mean)):
-            add(
-                f"distance accuracy AD, {label}",
-                pick(np.abs(iso.distances.before)),
-                pick(np.abs(iso.distances.after)),
-                of,
-            )
+            add(f"distance accuracy AD, {label}", pick(np.abs(iso.distances.before)),
+                pick(np.abs(iso.distances.after)), of)
         if iso.distances.repeatability is not None:
-            add(
-                "distance repeatability RD, largest",
-                iso.distances.repeatability,
-                iso.distances.repeatability,
-                f"{iso.distances.repeated} pairs of repeated poses",
-            )
+            add("distance repeatability RD, largest", iso.distances.repeatability,
+                iso.distances.repeatability, f"{iso.distances.repeated} pairs of repeated poses")
     note = (
         "In the terms of ISO 9283; poses, loads and speeds are those of the rows, not the standard's cube. "
-        "AP and vAP: against the model, with "
-        "base and tool frame fitted. RP, RD and dRP are the arm's own: no model changes them. AD needs no "
-        "base frame."
-    )
+        "AP and vAP: against the model, with base and tool frame fitted. RP, RD and dRP are the arm's own: "
+        "no model changes them. AD needs no base frame.")
     return Table("Performance in the terms of ISO 9283", ("", "before", "after", "from"), tuple(rows), note)
 
 
@@ -350,11 +285,9 @@ def _orientation(found: Orientation) -> Table:
 
 
 def _paths(paths: tuple[PathTest, ...]) -> Table:
-    rows = tuple(
-        (number, t.cycles, Quantity(t.length, "m"), Quantity(t.speed, "m/s"),
-         *(Quantity(value, "m") for value in (t.accuracy_before, t.accuracy_after, t.repeatability)))
-        for number, t in enumerate(paths, start=1)
-    )
+    rows = tuple((number, t.cycles, Quantity(t.length, "m"), Quantity(t.speed, "m/s"),
+                  *(Quantity(value, "m") for value in (t.accuracy_before, t.accuracy_after, t.repeatability)))
+                 for number, t in enumerate(paths, start=1))
     note = ("Against the path that the model at rest takes at the angles that the controller reports, with "
             "the frames of the poses: what speed does counts as an error. RT is the arm's own; the ends are "
             "left out.")
@@ -365,35 +298,22 @@ def _paths(paths: tuple[PathTest, ...]) -> Table:
 def _budget(b: Budget) -> Table:
     share = lambda u: f"{100.0 * u**2 / b.u**2:.0f} %" if b.u > 0.0 else ""
     freedom = lambda value: (
-        "∞" if value >= MANY else f"> {MANY_FREEDOM}" if value > MANY_FREEDOM else f"{value:.0f}"
-    )
+        "∞" if value >= MANY else f"> {MANY_FREEDOM}" if value > MANY_FREEDOM else f"{value:.0f}")
     rows = [(e.source, e.kind, Quantity(e.u, "m"), freedom(e.freedom), share(e.u), e.how) for e in b.entries]
     rows.append(("combined", "", Quantity(b.u, "m"), freedom(b.freedom), "100 %", ""))
     rows.append(("expanded, 95 %", "", Quantity(b.expanded, "m"), "", "", f"k = {b.coverage_factor:.3f}"))
     note = (
-        f"Of one coordinate of the position that the model predicts within the judged work space. In space, "
-        f"95 % of the positions lie within "
-        f"{quantity(b.radius, 'm')} of it if errors are Gaussian; of the held-out rows "
-        f"{100.0 * b.share_within:.1f} % do."
-    )
+        "Of one coordinate of the position that the model predicts within the judged work space. In space, "
+        f"95 % of the positions lie within {quantity(b.radius, 'm')} of it if errors are Gaussian; of the "
+        f"held-out rows {100.0 * b.share_within:.1f} % do.")
     if not any(e.source == "instrument" for e in b.entries):
         note += " The instrument's own uncertainty was not given: what of it repeats is not in the budget."
-    return Table(
-        "Uncertainty (GUM)",
-        ("source", "type", "u", "degrees of freedom", "share", "how"),
-        tuple(rows),
-        note,
-        len(rows) - 1,
-    )
+    return Table("Uncertainty (GUM)", ("source", "type", "u", "degrees of freedom", "share", "how"),
+                 tuple(rows), note, len(rows) - 1)
 
 
 def _distances(d: Distances) -> Figure:
-    panel = partial(distance_error_panel, d.length, d.before, d.after)
-    return Figure(
-        "distance_error",
-        "Distance accuracy",
-        partial(on_one_panel, panel, 3.0),
-        "Error of the distance between two poses against that distance.",
-        "error of distances before and after",
-        panel,
-    )
+    return figure_of_panel("distance_error", "Distance accuracy",
+                           partial(distance_error, d.length, d.before, d.after), 3.0,
+                           "Error of the distance between two poses against that distance.",
+                           "error of distances before and after")

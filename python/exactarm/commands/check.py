@@ -44,8 +44,7 @@ DAYS_A_YEAR = 250.0  # working days on which the poses are measured
 FEW_DAYS = 5  # within which a change is to be seen, for the table of what the check can see
 MOVES = (
     "base_...: translation and rotation vector of the move, about the old origin of the base and in its old "
-    "axes; tool_...: move of the target in the axes of the flange."
-)
+    "axes; tool_...: move of the target in the axes of the flange.")
 UNEXPLAINED = 0.01  # p-value below which no single one of the parameters explains the change
 
 
@@ -54,33 +53,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "before", metavar="BEFORE", type=Path, help="the poses when all was well, on several days if possible"
     )
+    parser.add_argument("files", metavar="NEW", nargs="+", type=Path,
+                        help="the same poses later: a file a day, or a column `day`")
     parser.add_argument(
-        "files",
-        metavar="NEW",
-        nargs="+",
-        type=Path,
-        help="the same poses later: a file a day, or a column `day`",
-    )
-    parser.add_argument(
-        "--days-per-year",
-        metavar="N",
-        type=float,
-        default=DAYS_A_YEAR,
-        help="days on which the poses are measured; one false alarm in so many days (default %(default)g)",
-    )
+        "--days-per-year", metavar="N", type=float, default=DAYS_A_YEAR,
+        help="days on which the poses are measured; one false alarm in so many days (default %(default)g)")
     add_map(parser, "columns")
 
 
-def check(
-    robot: AnyRobot,
-    before: AnyData,
-    new: AnyData | Sequence[Any],
-    *,
-    days_per_year: float = DAYS_A_YEAR,
-    columns: Mapping[str, str] | None = None,
-    seed: int = DEFAULT_SEED,
-    progress: Progress = SILENT,
-) -> CommandResult:
+def check(robot: AnyRobot, before: AnyData, new: AnyData | Sequence[Any], *,
+          days_per_year: float = DAYS_A_YEAR, columns: Mapping[str, str] | None = None,
+          seed: int = DEFAULT_SEED, progress: Progress = SILENT) -> CommandResult:
     """Whether an arm has moved since `before`: a sequential test over days with one false alarm in
     `days_per_year` days.
 
@@ -90,8 +73,7 @@ def check(
     if not 1.0 < days_per_year <= 366.0:
         raise InputError(
             f"--days-per-year {days_per_year:g}; expected days of measurement in a year, more than 1 and at "
-            f"most 366"
-        )
+            f"most 366")
     progress.plan(STEPS["check"])
     progress.stage(READING)
     arm = robot_of(robot)
@@ -115,40 +97,24 @@ def check(
         json=_json(series, change, found, days_per_year),
         report=_report(arm, series, change, found, days_per_year),
         tables={"days.csv": _table(series, change)},
-        asked=replace(
-            told, line=_line(robot, before, files, days_per_year, columns, seed),
-            files=(*told.files, *sources),
-        ),
+        asked=replace(told, line=_line(robot, before, files, days_per_year, columns, seed),
+                      files=(*told.files, *sources)),
     ).warned((*suspected, *copied_lines(series.copied, found.sigma)))
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:
-    return check(
-        arguments.robot,
-        arguments.before,
-        arguments.files,
-        days_per_year=arguments.days_per_year,
-        columns=dict(arguments.columns),
-        seed=arguments.seed,
-        progress=arguments.progress,
-    )
+    return check(arguments.robot, arguments.before, arguments.files, days_per_year=arguments.days_per_year,
+                 columns=dict(arguments.columns), seed=arguments.seed, progress=arguments.progress)
 
 
 def _label(data: Any, number: int) -> str:
     return Path(data).stem if isinstance(data, (str, Path)) else f"day {number}"
 
 
-def _line(
-    robot: Any, before: Any, files: Sequence[Any], days_per_year: float,
-    columns: Mapping[str, str] | None, seed: int,
-) -> str:
-    word = lambda value: (
-        repr(str(value))
-        if isinstance(value, (str, Path))
-        else "data"
-        if isinstance(value, Dataset)
-        else "robot"
-    )
+def _line(robot: Any, before: Any, files: Sequence[Any], days_per_year: float,
+          columns: Mapping[str, str] | None, seed: int) -> str:
+    word = lambda value: (repr(str(value)) if isinstance(value, (str, Path)) else "data"
+                          if isinstance(value, Dataset) else "robot")
     changed = f", days_per_year={days_per_year:g}" if days_per_year != DAYS_A_YEAR else ""
     changed += f", columns={dict(columns)!r}" if columns else ""
     new = ", ".join(map(word, files))
@@ -162,8 +128,7 @@ def _require_new(before: Dataset, days: Sequence[tuple[str, Dataset]]) -> None:
         for source in data.sources:
             if other := next((known for known in seen if known.sha256 == source.sha256), None):
                 raise InputError(
-                    f"the same content as {other.path}; expected each file once", file=source.path
-                )
+                    f"the same content as {other.path}; expected each file once", file=source.path)
             seen.append(source)
 
 
@@ -171,39 +136,31 @@ def _require_new(before: Dataset, days: Sequence[tuple[str, Dataset]]) -> None:
 def _json(series: Daily, change: Alarms, found: Explanation, days_per_year: float) -> dict[str, Any]:
     best = found.causes[0]
     moved = change.alarm is not None
-    return {
-        "moved": moved,
-        "verdict": _verdict_key(change, found),
-        "alarm": series.labels[change.alarm] if change.alarm is not None else None,
-        "since": _since(series, best) if moved else None,
-        "causes": [_cause(cause, series) for cause in found.causes if moved and _named(cause, found)],
-        "cannot_be_told_apart": [best.name, *found.apart] if moved and found.apart else [],
-        "unexplained_p": found.unexplained if moved else None,
-        "noise_m": found.sigma,
-        "noise_degrees_of_freedom": found.freedom,
-        "noise_source": series.noise,
-        "boundary": change.boundary,
-        "days_per_year": days_per_year,
-        "days": [
-            {"day": label, "statistic": float(value)}
-            for label, value in zip(series.labels, change.statistic, strict=True)
-        ],
-        "check_poses": len(series.poses),
-        "detectable": [
-            {"parameter": name, "within_days": FEW_DAYS, "size": size}
-            for name, size in _detectable(series, change, found)
-        ],
-        "warnings": _warnings(series, change),
-    }
+    return {"moved": moved,
+            "verdict": _verdict_key(change, found),
+            "alarm": series.labels[change.alarm] if change.alarm is not None else None,
+            "since": _since(series, best) if moved else None,
+            "causes": [_cause(cause, series) for cause in found.causes if moved and _named(cause, found)],
+            "cannot_be_told_apart": [best.name, *found.apart] if moved and found.apart else [],
+            "unexplained_p": found.unexplained if moved else None,
+            "noise_m": found.sigma,
+            "noise_degrees_of_freedom": found.freedom,
+            "noise_source": series.noise,
+            "boundary": change.boundary,
+            "days_per_year": days_per_year,
+            "days": [{"day": label, "statistic": float(value)}
+                     for label, value in zip(series.labels, change.statistic, strict=True)],
+            "check_poses": len(series.poses),
+            "detectable": [{"parameter": name, "within_days": FEW_DAYS, "size": size}
+                           for name, size in _detectable(series, change, found)],
+            "warnings": _warnings(series, change)}
 
 
 def _warnings(series: Daily, change: Alarms) -> list[str]:
     noisy = [
         f"{label}: {1.0 / np.sqrt(weight):.2g} times the scatter of BEFORE away from BEFORE and from every "
-        "other day; it counts the less"
-        for label, weight in zip(series.labels, change.weights, strict=True)
-        if weight < 1.0
-    ]
+        "other day; it counts the less" for label, weight in zip(series.labels, change.weights, strict=True)
+        if weight < 1.0]
     return [*series.warnings, *noisy]
 
 
@@ -224,27 +181,19 @@ def _since(series: Daily, cause: Cause) -> dict[str, Any]:
 
 def _cause(cause: Cause, series: Daily) -> dict[str, Any]:
     values = zip(cause.parameters, cause.estimate, cause.intervals, strict=True)
-    return {
-        "cause": cause.name,
-        "probability": cause.probability,
-        "since": _since(series, cause),
-        "parameters": {
-            name: estimate(float(value), float(low), float(high)) for name, value, (low, high) in values
-        },
-    }
+    return {"cause": cause.name,
+            "probability": cause.probability,
+            "since": _since(series, cause),
+            "parameters": {
+                name: estimate(float(value), float(low), float(high)) for name, value, (low, high) in values}}
 
 
 def _detectable(series: Daily, change: Alarms, found: Explanation) -> list[tuple[str, float]]:
     """Size of each parameter's change (rad, m) that is seen within `FEW_DAYS` days on the mean."""
-    return [
-        (
-            name,
-            found.sigma
-            * detectable(h, i, series.occasions, FEW_DAYS, change.boundary, len(series.hypotheses)),
-        )
-        for h in series.hypotheses
-        for i, name in enumerate(h.parameters)
-    ]
+    return [(name,
+             found.sigma
+             * detectable(h, i, series.occasions, FEW_DAYS, change.boundary, len(series.hypotheses)))
+            for h in series.hypotheses for i, name in enumerate(h.parameters)]
 
 
 def _table(series: Daily, change: Alarms) -> dict[str, Any]:
@@ -261,17 +210,12 @@ def _sentence(series: Daily, change: Alarms, found: Explanation, days_per_year: 
         return f"Nothing has moved, as far as {days} (the test allows {rate})."
     best = found.causes[0]
     since = _since(series, best)
-    span = (
-        since["day"]
-        if since["ci95"][0] == since["ci95"][1]
-        else f"{since['day']} (95 %: {since['ci95'][0]} to {since['ci95'][1]})"
-    )
+    span = (since["day"] if since["ci95"][0] == since["ci95"][1]
+            else f"{since['day']} (95 %: {since['ci95'][0]} to {since['ci95'][1]})")
     if found.unexplained < UNEXPLAINED:
         return (
             f"Something has moved since {span}, and no single one of the zeros, base or tool explains it; "
-            f"nearest: {best.name}. "
-            f"Alarm on {series.labels[change.alarm]} ({rate})."
-        )
+            f"nearest: {best.name}. Alarm on {series.labels[change.alarm]} ({rate}).")
     names = " or ".join([best.name, *found.apart])
     what = f"The {names}" + (" (these poses cannot tell them apart)" if found.apart else "")
     return f"{what} has moved since {span}{_size(best)}. Alarm on {series.labels[change.alarm]} ({rate})."
@@ -286,95 +230,51 @@ def _size(cause: Cause) -> str:
     return f" by {quantity(float(np.linalg.norm(cause.estimate[:3])), 'm')}"
 
 
-def _report(
-    robot: Robot, series: Daily, change: Alarms, found: Explanation, days_per_year: float
-) -> Report:
+def _report(robot: Robot, series: Daily, change: Alarms, found: Explanation, days_per_year: float) -> Report:
     moved = change.alarm is not None
     best = found.causes[0]
     distance = np.linalg.norm(series.moved, axis=2)
     last = distance[-1][np.isfinite(distance[-1])]
     sections: list[Any] = [
         Warnings(tuple(_warnings(series, change))),
-        Highlights(
-            (
-                Highlight(
-                    "last day, largest move of a pose",
-                    Quantity(float(last.max()) if last.size else None, "m"),
-                ),
-                Highlight("noise of a coordinate", Quantity(found.sigma, "m")),
-                Highlight(f"evidence of a change, cut at 1e12 (alarm at {change.boundary:g})",
-                          Quantity(min(float(change.statistic[-1]), MOST), "")),
-            )
-        ),
-    ]
+        Highlights((Highlight("last day, largest move of a pose",
+                              Quantity(float(last.max()) if last.size else None, "m")),
+                    Highlight("noise of a coordinate", Quantity(found.sigma, "m")),
+                    Highlight(f"evidence of a change, cut at 1e12 (alarm at {change.boundary:g})",
+                              Quantity(min(float(change.statistic[-1]), MOST), ""))))]
     if moved:
         last = len(series.labels) - 1
         base = "base" in (best.name, *found.apart)
         sections.append(after_check(found.unexplained < UNEXPLAINED, base, change.alarm == last))
-        rows = [
-            (
-                cause.name,
-                name,
-                Estimate(float(value), float(low), float(high), unit_of(name)),
-                f"{cause.probability:.3f}",
-                series.labels[cause.first_day],
-            )
-            for cause in found.causes
-            if _named(cause, found)
-            for name, value, (low, high) in zip(
-                cause.parameters, cause.estimate, cause.intervals, strict=True
-            )
-        ]
+        rows = [(cause.name, name, Estimate(float(value), float(low), float(high), unit_of(name)),
+                 f"{cause.probability:.3f}", series.labels[cause.first_day])
+                for cause in found.causes if _named(cause, found)
+                for name, value, (low, high) in zip(
+                    cause.parameters, cause.estimate, cause.intervals, strict=True)]
         sections.append(
-            Table(
-                "What has moved",
-                ("cause", "parameter", "change (95 %)", "probability", "since"),
-                tuple(rows),
-                MOVES + (" Causes that explain the days equally well stand below each other." if found.apart
-                         else ""),
-            )
-        )
+            Table("What has moved",
+                  ("cause", "parameter", "change (95 %)", "probability", "since"),
+                  tuple(rows),
+                  MOVES + (" Causes that explain the days equally well stand below each other." if found.apart
+                           else "")))
     since = best.days if moved else None
     sections += [
         Figure(
-            "days",
-            "Day by day",
-            partial(
-                statistic_over_days,
-                change.statistic,
-                change.boundary,
-                distance,
-                float(np.sqrt(3.0)) * found.sigma,
-                change.alarm,
-                since,
-            ),
+            "days", "Day by day",
+            partial(statistic_over_days, change.statistic, change.boundary, distance,
+                    float(np.sqrt(3.0)) * found.sigma, change.alarm, since),
             "Above: the evidence that something has changed on this or an earlier day, with the boundary of "
-            "the alarm. Below: how far "
-            "each pose lies from where BEFORE had it, and the noise of a day.",
-            "statistic and moves of the poses by day",
-        ),
-        Table(
-            "What this check can see",
-            ("parameter", f"seen within {FEW_DAYS} days"),
-            tuple((name, Quantity(size, unit_of(name)) if size < NOT_SEEN else "not by these poses")
-                  for name, size in _detectable(series, change, found)),
-            "A change of this size raises the alarm within so many days, with noise at its mean.",
-        ),
-        Text(
-            "How it is tested",
-            (
-                f"{len(series.poses)} poses, {len(series.labels)} "
-                f"{'day' if len(series.labels) == 1 else 'days'}. Noise from {series.noise}. The "
-                f"statistic is a sum of likelihood ratios over "
-                f"all first days and causes; while nothing moves it grows by one a day on the mean, so that "
-                f"it passes {change.boundary:g} once in "
-                f"{days_per_year:g} days at the most.",
-            ),
-        ),
-    ]
-    return Report(
-        f"Check of {robot.name}",
-        _sentence(series, change, found, days_per_year),
-        tuple(sections),
-        "bad" if moved else "good",
-    )
+            "the alarm. Below: how far each pose lies from where BEFORE had it, and the noise of a day.",
+            "statistic and moves of the poses by day"),
+        Table("What this check can see", ("parameter", f"seen within {FEW_DAYS} days"),
+              tuple((name, Quantity(size, unit_of(name)) if size < NOT_SEEN else "not by these poses")
+                    for name, size in _detectable(series, change, found)),
+              "A change of this size raises the alarm within so many days, with noise at its mean."),
+        Text("How it is tested",
+             (f"{len(series.poses)} poses, {len(series.labels)} "
+              f"{'day' if len(series.labels) == 1 else 'days'}. Noise from {series.noise}. The statistic is "
+              "a sum of likelihood ratios over all first days and causes; while nothing moves it grows by "
+              f"one a day on the mean, so that it passes {change.boundary:g} once in {days_per_year:g} days "
+              "at the most.",))]
+    return Report(f"Check of {robot.name}", _sentence(series, change, found, days_per_year), tuple(sections),
+                  "bad" if moved else "good")

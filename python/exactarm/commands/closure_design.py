@@ -1,10 +1,9 @@
 """What `exactarm design --contact socket` says: where to put a fixture of two seats, and the poses that touch
 them; for a gravity sensor the poses to read it in; for a camera where to put the board, and the poses."""
 
-from __future__ import annotations
-
 import numpy as np
 
+from exactarm.commands.calibrate import dropped_table
 from exactarm.commands.design_for import pose_columns
 from exactarm.commands.result import CommandResult
 from exactarm.data.fixture import CameraSetup
@@ -18,8 +17,7 @@ from exactarm.robot.robot import Robot
 
 
 def designed_closures(robot: Robot, options: ClosureDesignOptions) -> CommandResult:
-    """The design as a command's result: `poses.csv` with session and socket, and the fixture file for its
-    distance."""
+    """The design as a result: `poses.csv` with session and socket, and the fixture file for its distance."""
     found = design_closures(robot, options)
     columns = {"session": found.session, "socket": found.socket}
     reported = robot.controller.reported(found.q)
@@ -30,10 +28,7 @@ def designed_closures(robot: Robot, options: ClosureDesignOptions) -> CommandRes
     return CommandResult(
         json=_expected(found) | {"seats": [{"session": s, "socket": k, "position_m": seat.tolist()}
                                            for (s, k), seat in found.seats.items()]},
-        report=_report(robot, options, found),
-        tables={"poses.csv": columns},
-        texts={"fixture.toml": fixture},
-    )
+        report=_report(robot, options, found), tables={"poses.csv": columns}, texts={"fixture.toml": fixture})
 
 
 def _expected(found: ClosureDesign | GravityDesign | CameraDesign) -> dict:
@@ -42,8 +37,7 @@ def _expected(found: ClosureDesign | GravityDesign | CameraDesign) -> dict:
         "deviation_m": dict(zip(("drawing", "random_poses", "design"), found.deviation)),
         "poses": len(found.q),
         "identifiable": found.identifiability.identifiable,
-        "dropped": [{"parameter": entry.name, "why": entry.why} for entry in found.identifiability.dropped],
-    }
+        "dropped": [{"parameter": entry.name, "why": entry.why} for entry in found.identifiability.dropped]}
 
 
 def designed_readings(robot: Robot, sensor: str, options: ClosureDesignOptions) -> CommandResult:
@@ -54,21 +48,16 @@ def designed_readings(robot: Robot, sensor: str, options: ClosureDesignOptions) 
     verdict = (
         f"{len(found.q)} poses to read the {name} in: what the arm's angles are wrong by will move the "
         f"target by {quantity(chosen, 'm')} (RMS over the work space), with random poses by "
-        f"{quantity(random, 'm')}, "
-        f"from the drawing alone by {quantity(alone, 'm')}."
-    )
-    dropped = tuple((entry.name, entry.why) for entry in found.identifiability.dropped)
+        f"{quantity(random, 'm')}, from the drawing alone by {quantity(alone, 'm')}.")
     return CommandResult(
         json=_expected(found),
         report=Report(f"Poses for a gravity sensor: {robot.name}", verdict, (
-            Table("Not identified", ("parameter", "why"), dropped, "These keep their declared values."),
+            dropped_table(found.identifiability.dropped),
             Text("How", (
                 "The sensor's axes are taken for those of the flange, an averaged reading for good to "
-                f"{quantity(SIGMA_RAD, 'rad')}. Wait until the arm has come to rest, and average.",
-            )),
+                f"{quantity(SIGMA_RAD, 'rad')}. Wait until the arm has come to rest, and average.",)),
         ), "good"),
-        tables={"poses.csv": {"session": np.ones(len(found.q), int)} | pose_columns(robot, found.q, None)},
-    )
+        tables={"poses.csv": {"session": np.ones(len(found.q), int)} | pose_columns(robot, found.q, None)})
 
 
 def designed_pictures(robot: Robot, setup: CameraSetup, options: ClosureDesignOptions,
@@ -87,7 +76,6 @@ def designed_pictures(robot: Robot, setup: CameraSetup, options: ClosureDesignOp
     seen = [(number, *(Quantity(float(x), "m") for x in entry[stands]["position_m"]),
              *(Quantity(float(row[2])) for row in entry[stands]["rotation"]),
              int(np.sum(found.session == number))) for number, entry in enumerate(placed, 1)]
-    dropped = tuple((entry.name, entry.why) for entry in found.identifiability.dropped)
     what = "outer corner" if setup.on_flange else "lens"
     return CommandResult(
         json=_expected(found) | {"places": placed},
@@ -96,7 +84,7 @@ def designed_pictures(robot: Robot, setup: CameraSetup, options: ClosureDesignOp
                   ("place", "x", "y", "z", "z axis: x", "z axis: y", "z axis: z", "pictures"), tuple(seen),
                   f"Its {what} in the robot's base frame, and where its z axis points (of a board: into it). "
                   "It may stand centimetres elsewhere: it is estimated."),
-            Table("Not identified", ("parameter", "why"), dropped, "These keep their declared values."),
+            dropped_table(found.identifiability.dropped),
             Text("How", (
                 f"In every pose {100 * LEAST_SEEN:.0f} % of the corners or more are in the picture, "
                 f"the board's middle is {quantity(views.near, 'm')} to {quantity(views.far, 'm')} before the "
@@ -106,38 +94,26 @@ def designed_pictures(robot: Robot, setup: CameraSetup, options: ClosureDesignOp
                 f"A corner is taken to be good to {CORNER_PX:g} px, the arm to repeat to "
                 f"{quantity(REPEATS_M, 'm')}. The body of the arm may hide the board, and cables and "
                 "obstacles are not known here: look at each picture, and leave out those that show nothing.",
-            )),
-        ), "good"),
-        tables={"poses.csv": {"session": found.session} | pose_columns(robot, found.q, None)},
-    )
+            ))), "good"),
+        tables={"poses.csv": {"session": found.session} | pose_columns(robot, found.q, None)})
 
 
 def _report(robot: Robot, options: ClosureDesignOptions, found: ClosureDesign) -> Report:
     alone, random, chosen = found.deviation
     verdict = (
         f"{len(found.q)} touches at {len(set(found.session))} places: the target's position over the work "
-        "space will be known to "
-        f"{quantity(chosen, 'm')} (RMS), with random poses at these places to {quantity(random, 'm')}, from "
-        "the drawing "
-        f"alone to {quantity(alone, 'm')}."
-    )
-    rows = tuple(
-        (str(session), str(socket), *(Quantity(x, "m") for x in seat),
-         int(np.sum((found.session == session) & (found.socket == socket))))
-        for (session, socket), seat in found.seats.items()
-    )
-    dropped = tuple((entry.name, entry.why) for entry in found.identifiability.dropped)
+        f"space will be known to {quantity(chosen, 'm')} (RMS), with random poses at these places to "
+        f"{quantity(random, 'm')}, from the drawing alone to {quantity(alone, 'm')}.")
+    rows = tuple((str(session), str(socket), *(Quantity(x, "m") for x in seat),
+                  int(np.sum((found.session == session) & (found.socket == socket))))
+                 for (session, socket), seat in found.seats.items())
     return Report(f"Fixture and poses: {robot.name}", verdict, (
         Table("Seats", ("place", "socket", "x", "y", "z", "touches"), rows,
               "Centres in the robot's base frame. A seat may stand centimetres elsewhere: it is estimated; "
-              "the arm is led to it by hand or "
-              "by sight, near the angles of poses.csv."),
-        Table("Not identified", ("parameter", "why"), dropped, "These keep their declared values."),
+              "the arm is led to it by hand or by sight, near the angles of poses.csv."),
+        dropped_table(found.identifiability.dropped),
         Text("How", (
             f"Two seats {quantity(options.apart, 'm')} apart. Places are taken one after the other, each "
-            "time the one that lowers the mean "
-            "variance of the target's position over the work space most; poses are exchanged by the same "
-            "measure. A touch is taken to be "
-            "good to 0.1 mm; mechanisms of the hand, cables and obstacles are not known here.",
-        )),
-    ), "good")
+            "time the one that lowers the mean variance of the target's position over the work space most; "
+            "poses are exchanged by the same measure. A touch is taken to be good to 0.1 mm; mechanisms of "
+            "the hand, cables and obstacles are not known here.",))), "good")

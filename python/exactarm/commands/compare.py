@@ -11,8 +11,6 @@ Between the knots the motors follow the quintic spline through the motor angles 
 error is that at the knots and that of the instants between them, at `BETWEEN` times the rate of the path.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass, replace
 from functools import partial
@@ -102,12 +100,9 @@ def run(arguments: argparse.Namespace, robot: Robot) -> CommandResult:
             played.append(play(virtual, method, motion, path, engine, arguments.damping or 0.0))
     columns = {"time_s": played[0].time}
     columns |= {f"error_{p.method}_{p.engine}_m": p.error for p in played}
-    return CommandResult(
-        json=_json(path, played, deviation, silent),
-        report=_report(robot, path, played, silent),
-        tables={"compare.csv": columns},
-        texts={"truth.toml": robot_text(virtual.true)},
-    )
+    return CommandResult(json=_json(path, played, deviation, silent),
+                         report=_report(robot, path, played, silent), tables={"compare.csv": columns},
+                         texts={"truth.toml": robot_text(virtual.true)})
 
 
 def planned_motions(nominal: Robot, known: Robot, path: PlannedPath, threads: int) -> dict[str, Motion]:
@@ -121,9 +116,8 @@ def planned_motions(nominal: Robot, known: Robot, path: PlannedPath, threads: in
     return motions | {"exactarm": Motion(plan.time, plan.theta, plan.q_desired)}
 
 
-def play(
-    virtual: VirtualRobot, method: str, motion: Motion, path: PlannedPath, engine: str, damping_s: float = 0.0
-) -> Played:
+def play(virtual: VirtualRobot, method: str, motion: Motion, path: PlannedPath, engine: str,
+         damping_s: float = 0.0) -> Played:
     """The flange of the true robot along a motor motion, at and between the knots."""
     time = np.linspace(motion.time[0], motion.time[-1], BETWEEN * (len(motion.time) - 1) + 1)
     theta, joints = (make_interp_spline(motion.time, values, k=5)(time)
@@ -150,20 +144,16 @@ def _engines(asked: str | None, virtual: VirtualRobot, damping_s: float) -> tupl
 
 
 def _json(path: PlannedPath, played: list[Played], deviation: float, silent: str) -> dict:
-    return {
-        "path": {"name": path.name, "samples": len(played[0].knots), "nu": path.nu,
-                 "gear_direction": path.gear_direction},
-        "between_knots": {"held_by": "quintic spline through the motor angles at the knots",
-                          "samples_a_knot": BETWEEN},
-        "deviation": deviation,
-        "tracking": [
-            {"method": p.method, "engine": p.engine, "knots": summarise(p.knots).to_json(),
-             "between": summarise(p.between).to_json()}
-            for p in played
-        ],
-        "engines_differ_m": _difference(played),
-        "independent_engine_silent": silent or None,
-    }
+    return {"path": {"name": path.name, "samples": len(played[0].knots), "nu": path.nu,
+                     "gear_direction": path.gear_direction},
+            "between_knots": {"held_by": "quintic spline through the motor angles at the knots",
+                              "samples_a_knot": BETWEEN},
+            "deviation": deviation,
+            "tracking": [{"method": p.method, "engine": p.engine, "knots": summarise(p.knots).to_json(),
+                          "between": summarise(p.between).to_json()}
+                         for p in played],
+            "engines_differ_m": _difference(played),
+            "independent_engine_silent": silent or None}
 
 
 def _difference(played: list[Played]) -> dict[str, float]:
@@ -183,24 +173,19 @@ def _report(robot: Robot, path: PlannedPath, played: list[Played], silent: str) 
         f"On the path '{path.name}' the flange of the true {robot.name} misses by "
         f"{quantity(rms['nominal'], 'm')} RMS with rigid inverse "
         f"kinematics as drawn, by {quantity(rms['identified'], 'm')} with its geometry identified, and by "
-        f"{quantity(rms['exactarm'], 'm')} with exactarm's plan."
-    )
-    rows = tuple(
-        (_METHODS[p.method], ENGINES[p.engine], *(_micrometres(getattr(summarise(errors), name))
-                                                  for errors in (p.knots, p.between)
-                                                  for name in ("mean", "rms", "max")))
-        for p in played
-    )
+        f"{quantity(rms['exactarm'], 'm')} with exactarm's plan.")
+    rows = tuple((_METHODS[p.method], ENGINES[p.engine], *(_micrometres(getattr(summarise(errors), name))
+                                                           for errors in (p.knots, p.between)
+                                                           for name in ("mean", "rms", "max")))
+                 for p in played)
     header = ("motor motion", "engine",
               *(f"{name}, {where}" for where in ("knots", "between") for name in ("mean", "RMS", "max")))
     differ = _difference(played)
     agreement = (f" The two engines never differ by more than {quantity(max(differ.values()), 'm')}."
                  if differ else "")
     sections = (
-        Highlights(tuple(
-            Highlight(_METHODS[method], Quantity(rms[method], "m"))
-            for method in ("exactarm", "identified", "nominal")
-        )),
+        Highlights(tuple(Highlight(_METHODS[method], Quantity(rms[method], "m"))
+                         for method in ("exactarm", "identified", "nominal"))),
         Table("Error of the flange in micrometres", header, rows,
               "Between knots the motors follow the quintic spline through the motor angles at the knots; "
               f"{BETWEEN - 1} instants between two knots." + agreement, len(rows) - 1),
@@ -214,14 +199,10 @@ def _report(robot: Robot, path: PlannedPath, played: list[Played], silent: str) 
                "error of the flange over time, logarithmic, for three ways to plan"),
         Text("What is compared", (
             "The true robot deviates from the drawing in geometry and masses and moves behind its springs "
-            "and gears. 'Identified' knows the "
-            "true geometry and nothing else; exactarm's plan knows gears, springs and masses too. Hidden "
-            "effects, if any, are on "
-            "the true robot alone. What an identification from noisy measurements leaves, the command loop "
-            "shows.",
-        )),
-        Warnings((f"the independent engine did not play: {silent}",) if silent else ()),
-    )
+            "and gears. 'Identified' knows the true geometry and nothing else; exactarm's plan knows gears, "
+            "springs and masses too. Hidden effects, if any, are on the true robot alone. What an "
+            "identification from noisy measurements leaves, the command loop shows.",)),
+        Warnings((f"the independent engine did not play: {silent}",) if silent else ()))
     return Report(f"What the plan is worth on {robot.name}", verdict, sections,
                   "good" if rms["exactarm"] < rms["identified"] else "caution")
 

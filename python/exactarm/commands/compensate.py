@@ -50,73 +50,41 @@ def WRITES(arguments: argparse.Namespace) -> list[str]:  # of other commands a t
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
     add_map(parser, "columns")  # of tables; a program among the files has none
-    add_files(
-        parser,
-        text="programs (.src with .dat, .mod, .ls, .script, .jbi, .yaml) or tables of targets (.csv, "
-             ".parquet)",
-        measured=False,
-    )
+    add_files(parser,
+              text="programs (.src with .dat, .mod, .ls, .script, .jbi, .yaml) or tables of targets (.csv, "
+                   ".parquet)", measured=False)
     parser.add_argument(
-        "--frames",
-        metavar="nominal|identified|POINTS.csv",
-        default="nominal",
+        "--frames", metavar="nominal|identified|POINTS.csv", default="nominal",
         help="what stands for the controller's base and flange; reference points in the cell are best "
-             "(default %(default)s)",
-    )
+             "(default %(default)s)")
     parser.add_argument(
-        "--points",
-        metavar="calculated|taught|NAMES",
+        "--points", metavar="calculated|taught|NAMES",
         help="which points were calculated and not taught: all, none, or names with commas between "
-             "(XP1,XP2*)",
-    )
+             "(XP1,XP2*)")
     parser.add_argument(
-        "--tool",
-        metavar="[NAME=]NUMBERS",
-        action="append",
-        default=[],
-        help="a tool that the program does not hold, as its controller shows it; may be given several times",
-    )
+        "--tool", metavar="[NAME=]NUMBERS", action="append", default=[],
+        help="a tool that the program does not hold, as its controller shows it; may be given several times")
     parser.add_argument(
-        "--base",
-        metavar="[NAME=]NUMBERS",
-        action="append",
-        default=[],
-        help="a base, user frame or work object, as its controller shows it; may be given several times",
-    )
-    parser.add_argument(
-        "--payload",
-        metavar="KG,X,Y,Z",
-        help="the load at the flange: kg, and its centre in m in the flange frame",
-    )
+        "--base", metavar="[NAME=]NUMBERS", action="append", default=[],
+        help="a base, user frame or work object, as its controller shows it; may be given several times")
+    parser.add_argument("--payload", metavar="KG,X,Y,Z",
+                        help="the load at the flange: kg, and its centre in m in the flange frame")
     parser.add_argument(
         "--start", metavar="J1,J2,...", help="joint angles before the first motion, deg (m of a sliding axis)"
     )
-    parser.add_argument(
-        "--nominal",
-        metavar="ROBOT",
-        help="robot file with the frames of the controller, where ROBOT does not hold them",
-    )
-    parser.add_argument(
-        "--frame",
-        choices=("base", "device"),
-        default="base",
-        help="frame of the poses in tables (default %(default)s)",
-    )
+    parser.add_argument("--nominal", metavar="ROBOT",
+                        help="robot file with the frames of the controller, where ROBOT does not hold them")
+    parser.add_argument("--frame", choices=("base", "device"), default="base",
+                        help="frame of the poses in tables (default %(default)s)")
     parser.add_argument(
         "--session", metavar="N", type=int, help="with --frame device: the set-up whose device frame is meant"
     )
     parser.add_argument(
-        "--tolerance-mm",
-        metavar="MM",
-        type=_tolerance,
+        "--tolerance-mm", metavar="MM", type=_tolerance,
         help="how far a straight motion may leave its line: points in between are put in, where the dialect "
-             "allows it",
-    )
-    parser.add_argument(
-        "--keep-refused",
-        action="store_true",
-        help="leave targets that cannot be corrected as they are, instead of stopping",
-    )
+             "allows it")
+    parser.add_argument("--keep-refused", action="store_true",
+                        help="leave targets that cannot be corrected as they are, instead of stopping")
 
 
 def _tolerance(text: str) -> float:
@@ -129,11 +97,8 @@ def _tolerance(text: str) -> float:
 _tolerance.__name__ = "number of mm"
 
 
-def compensate(
-    robot: AnyRobot, files: str | Path | Sequence[str | Path], *, seed: int = DEFAULT_SEED,
-    threads: int | None = None,
-    progress: Progress = SILENT, **options: Any,
-) -> CommandResult:
+def compensate(robot: AnyRobot, files: str | Path | Sequence[str | Path], *, seed: int = DEFAULT_SEED,
+               threads: int | None = None, progress: Progress = SILENT, **options: Any) -> CommandResult:
     """Robot programs, or tables of targets, with numbers that make the calibrated arm go where they say.
 
     `result.save(folder)` writes the programs under their names. options: those of `exactarm compensate
@@ -171,8 +136,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         program = job.read(setting)
         if setting.load is not None:
             program = replace(
-                program, targets=tuple(target._replace(load=None) for target in program.targets)
-            )
+                program, targets=tuple(target._replace(load=None) for target in program.targets))
         chosen = chosen_points(program, arguments.points)
         reread = lambda contents, job=job: job.reread(contents, setting)
         tolerance = None if arguments.tolerance_mm is None else 1e-3 * arguments.tolerance_mm
@@ -182,8 +146,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     used = (
         not arguments.points
         or arguments.points in ("calculated", "taught")
-        or any(c.program.targets and chosen_points(c.program, arguments.points).any() for c in corrections)
-    )
+        or any(c.program.targets and chosen_points(c.program, arguments.points).any() for c in corrections))
     if not used:
         raise InputError(f"--points {arguments.points}: no point of these programs has such a name")
     q_after = np.concatenate([c.q_after for c in corrections])
@@ -193,20 +156,13 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         json=summary_of(corrections, frames, model) | {"model_uncertainty": trust_json(radius)},
         report=report_of(robot, corrections, frames, model, radius),
         tables={"compensation.csv": compensation_table(corrections, radius)},
-        contents={
-            source.path.name: content
-            for c in corrections
-            for source, content in zip(c.program.files, c.contents)
-        },
-        inputs=tuple(
-            path
-            for path in (
-                arguments.nominal,
-                None if arguments.frames in ("nominal", "identified") else arguments.frames,
-            )
-            if path
-        ),
-    )
+        contents={source.path.name: content
+                  for c in corrections
+                  for source, content in zip(c.program.files, c.contents)},
+        inputs=tuple(path
+                     for path in (arguments.nominal,
+                                  None if arguments.frames in ("nominal", "identified") else arguments.frames)
+                     if path))
 
 
 def _check(robot: Robot, arguments: argparse.Namespace) -> None:
@@ -215,14 +171,12 @@ def _check(robot: Robot, arguments: argparse.Namespace) -> None:
     if robot.controller.absolute_accuracy:
         raise InputError(
             f"robot {robot.name}: its controller corrects targets itself ([controller] absolute_accuracy); "
-            "a program must not be corrected twice"
-        )
+            "a program must not be corrected twice")
     out = None if arguments.out is None else Path(arguments.out).resolve()
     for path in arguments.files:
         if path.resolve().parent == out:
             raise InputError(
-                "lies in the folder of results and would be overwritten; expected another --out", file=path
-            )
+                "lies in the folder of results and would be overwritten; expected another --out", file=path)
         if path.name in RESULTS:
             raise InputError("has the name of a result; expected another name", file=path)
         if arguments.points in (None, "calculated") and (command := _written_by(path)) in (NAME, "plan"):
@@ -232,17 +186,13 @@ def _check(robot: Robot, arguments: argparse.Namespace) -> None:
     if arguments.frame == "device":
         if arguments.frames != "nominal":
             raise InputError(
-                "--frame device: poses in the device's frame need no other base; expected --frames nominal"
-            )
+                "--frame device: poses in the device's frame need no other base; expected --frames nominal")
         sessions = sorted(
-            {int(name[8:].split(".")[0]) for name in robot.intervals if name.startswith("session_")}
-        )
+            {int(name[8:].split(".")[0]) for name in robot.intervals if name.startswith("session_")})
         if arguments.session is not None and sessions and arguments.session != sessions[0]:
             raise InputError(
                 f"--session {arguments.session}: the robot file holds the device frame of session "
-                f"{sessions[0]}; "
-                "expected that one, or a file calibrated with the other alone"
-            )
+                f"{sessions[0]}; expected that one, or a file calibrated with the other alone")
 
 
 def _written_by(path: Path) -> str:
@@ -268,15 +218,8 @@ def _setting(robot: Robot, arguments: argparse.Namespace) -> Setting:
     if arguments.start:
         start = np.array(read_numbers("--start", arguments.start, (robot.axes,)))
         start = np.where([joint.type == "revolute" for joint in robot.joints], np.radians(start), start)
-    return Setting(
-        robot,
-        read_frames("--tool", arguments.tool),
-        read_frames("--base", arguments.base),
-        start,
-        load,
-        arguments.frame == "device",
-        dict(arguments.columns),
-    )
+    return Setting(robot, read_frames("--tool", arguments.tool), read_frames("--base", arguments.base), start,
+                   load, arguments.frame == "device", dict(arguments.columns))
 
 
 def _tip(job: Job, setting: Setting) -> Placement:
@@ -302,5 +245,4 @@ def _stop_at_refused(corrections: list[Any], arguments: argparse.Namespace) -> N
         more = f" (and {len(refused) - 1} more)" if len(refused) > 1 else ""
         raise InputError(
             f"{refused[0].message}{more}; nothing was written: name the points to correct with --points, or "
-            "leave these as they are with --keep-refused", file=refused[0].file, line=refused[0].line,
-        )
+            "leave these as they are with --keep-refused", file=refused[0].file, line=refused[0].line)

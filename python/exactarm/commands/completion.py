@@ -1,7 +1,5 @@
 """Tab completion of a shell for all commands and their options: `eval "$(exactarm --completion bash)"`."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 

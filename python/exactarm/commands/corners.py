@@ -42,10 +42,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_map(parser, "columns")
 
 
-def corners(
-    robot: AnyRobot, joints: str | Path, pictures: Sequence[str | Path], *, fixture: AnyFixture,
-    columns: dict[str, str] | None = None, seed: int = DEFAULT_SEED, progress: Progress = SILENT,
-) -> CommandResult:
+def corners(robot: AnyRobot, joints: str | Path, pictures: Sequence[str | Path], *, fixture: AnyFixture,
+            columns: dict[str, str] | None = None, seed: int = DEFAULT_SEED,
+            progress: Progress = SILENT) -> CommandResult:
     """One table of corners from pictures of a ChArUco board and the joint angles of each; `.data` holds it
     for the next command. fixture: with [board], marker_mm and dictionary. Nothing in it is random."""
     arm = robot_of(robot)
@@ -76,8 +75,7 @@ def corners(
         session=stack(lambda part: part.session), pixel=stack(lambda part: part.pixel),
         corner=stack(lambda part: part.corner), picture=stack(lambda part: part.picture),
         contacts={"camera": np.zeros(sum(map(len, parts)), int)}, fixture=known,
-        covariates={name: stack(lambda part, name=name: part.covariates[name]) for name in log.covariates},
-    )
+        covariates={name: stack(lambda part, name=name: part.covariates[name]) for name in log.covariates})
     bare = tuple(Path(file).name for file, count in zip(files, seen) if count < LEAST)
     sources = tuple(Source(str(path), sha256(path)) for path in (joints, *files))
     options = {"fixture": str(fixture) if isinstance(fixture, (str, Path)) else fixture, "columns": columns}
@@ -86,11 +84,8 @@ def corners(
     return CommandResult(
         json={"file": FILE, "pictures": len(files), "without_board": list(bare), "corners": len(data),
               "warnings": list(_warnings(bare))},
-        report=_report(arm.name, files, seen, bare),
-        tables={FILE: dataset_columns(data, arm)},
-        data=data,
-        asked=replace(call, line=line, files=(*call.files, *sources)),
-    )
+        report=_report(arm.name, files, seen, bare), tables={FILE: dataset_columns(data, arm)}, data=data,
+        asked=replace(call, line=line, files=(*call.files, *sources)))
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:
@@ -136,10 +131,6 @@ def _report(name: str, files: Sequence[str], seen: Sequence[int], bare: Sequence
         f"Corners for {name}",
         f"{sum(n for n in seen if n >= LEAST)} corners in {used} of {len(files)} pictures are written to "
         f"{FILE}.",
-        (
-            Warnings(_warnings(bare)),
-            Highlights((Highlight("pictures", Quantity(used, "", exact=True)),)),
-            Table("Pictures", ("picture", "corners"), rows, "In the order of the rows of joint angles."),
-        ),
-        "caution" if bare else "plain",
-    )
+        (Warnings(_warnings(bare)), Highlights((Highlight("pictures", Quantity(used, "", exact=True)),)),
+         Table("Pictures", ("picture", "corners"), rows, "In the order of the rows of joint angles.")),
+        "caution" if bare else "plain")

@@ -1,7 +1,5 @@
 """`exactarm demo`: every command once, on the shipped measured data and on virtual robots."""
 
-from __future__ import annotations
-
 import argparse
 import re
 import time
@@ -47,11 +45,8 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         outcomes.append(_run_step(step, arguments))
     arguments.progress.part("")
     failed = [outcome for outcome in outcomes if outcome.failure]
-    return CommandResult(
-        json={"steps": [_json(outcome) for outcome in outcomes]},
-        report=_report(outcomes, failed),
-        exit_code=1 if failed else 0,
-    )
+    return CommandResult(json={"steps": [_json(outcome) for outcome in outcomes]},
+                         report=_report(outcomes, failed), exit_code=1 if failed else 0)
 
 
 def _chosen(names: str) -> tuple[Step, ...]:
@@ -98,8 +93,7 @@ def _json(outcome: Outcome) -> dict[str, Any]:
 
 
 def _errors(result: dict[str, Any]) -> tuple[float | None, float | None, str]:
-    """Mean error on rows that were never fitted, before and after, and its unit, where the command has
-    them."""
+    """Mean error on rows never fitted, before and after, and its unit, where the command has them."""
     def mean(key: str) -> float | None:
         sets = result.get(key)
         return sets["validation"]["mean"] if isinstance(sets, dict) and "validation" in sets else None
@@ -114,21 +108,16 @@ def _report(outcomes: list[Outcome], failed: list[Outcome]) -> Report:
     done = len(outcomes) - len(failed)
     verdict = f"{done} of {len(outcomes)} steps done in {sum(outcome.seconds for outcome in outcomes):.0f} s"
     verdict += (
-        "; every step has its own report." if not failed else f"; {len(failed)} failed, see the warnings."
-    )
+        "; every step has its own report." if not failed else f"; {len(failed)} failed, see the warnings.")
     rows = []
     for outcome in outcomes:
         before, after, unit = _errors(outcome.published.json) if outcome.published else (None, None, "")
-        rows.append((
-            outcome.step.title, "measured" if outcome.step.real else "simulated",
-            *quantities([before, after], unit),
-            Quantity(outcome.seconds, "s"),
-            Link(f"{outcome.step.folder}/report.html", "report") if outcome.published else "failed",
-        ))
+        rows.append((outcome.step.title, "measured" if outcome.step.real else "simulated",
+                     *quantities([before, after], unit), Quantity(outcome.seconds, "s"),
+                     Link(f"{outcome.step.folder}/report.html", "report") if outcome.published else "failed"))
     sections: list[Section] = [Table(
         "Steps", ("", "data", "mean error before", "after", "time", "report"), tuple(rows),
-        "Errors are means over rows that were never fitted.",
-    )]
+        "Errors are means over rows that were never fitted.")]
     for outcome in outcomes:
         if outcome.published is not None and outcome.step.picture:
             sections.append(Text(outcome.step.title, (outcome.published.report.verdict,)))
@@ -140,7 +129,6 @@ def _report(outcomes: list[Outcome], failed: list[Outcome]) -> Report:
 def _picture(outcome: Outcome) -> list[Section]:
     """The figure of the step's own report that tells most; none where the report has not drawn it."""
     figures = (
-        {figure.name: figure for figure in outcome.published.report.figures} if outcome.published else {}
-    )
+        {figure.name: figure for figure in outcome.published.report.figures} if outcome.published else {})
     chosen = figures.get(outcome.step.picture)
     return [] if chosen is None else [replace(chosen, name=f"{outcome.step.folder}_{chosen.name}")]

@@ -3,8 +3,6 @@
 `{example/...}` is a file that comes with the package, `{out/STEP/...}` a file that an earlier step wrote.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 
@@ -58,5 +56,4 @@ STEPS = (
          ("simulate", "racer-7-1.4", "--compare", "line", "--rate", "500"), real=False, picture="compare"),
     Step("racer_loop", "Racer 7-1.4 with a hidden backlash: the full loop, to the plan that knows of it",
          ("loop", "racer-7-1.4", "--effect", "backlash joint=2 width_rad=4e-4"), real=False,
-         picture="tracking"),
-)
+         picture="tracking"))

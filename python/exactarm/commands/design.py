@@ -11,6 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from exactarm.commands.arguments import add_robot
+from exactarm.commands.calibrate import dropped_table
 from exactarm.commands.call import AnyRobot, asked, robot_of, threads_of
 from exactarm.commands.closure_design import designed_closures, designed_pictures, designed_readings
 from exactarm.commands.design_for import designed_for, minutes_of, pose_columns
@@ -105,15 +106,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                        help="most angle of the view from the board's normal (default %(default)g)")
 
 
-def design(
-    robot: AnyRobot, *, count: int = 50, validation: int = 13,
-    tool_m: Sequence[float] | np.ndarray | None = None,
-    frames: str = "both", use: Literal["position", "pose"] = "position", box: Box | None = None,
-    clearance_m: float | None = None, station: Station | None = None, both_ways: bool = False,
-    program: str | None = None, noise_mm: float = NOISE_MM, seed: int = DEFAULT_SEED,
-    threads: int | None = None,
-    progress: Progress = SILENT,
-) -> CommandResult:
+def design(robot: AnyRobot, *, count: int = 50, validation: int = 13,
+           tool_m: Sequence[float] | np.ndarray | None = None,
+           frames: str = "both", use: Literal["position", "pose"] = "position", box: Box | None = None,
+           clearance_m: float | None = None, station: Station | None = None, both_ways: bool = False,
+           program: str | None = None, noise_mm: float = NOISE_MM, seed: int = DEFAULT_SEED,
+           threads: int | None = None, progress: Progress = SILENT) -> CommandResult:
     """Measurement poses that show the parameters best, and others to validate with.
 
     tool_m: target on the flange. frames: which frames are unknown ("both", "base", "tool", "none"). box,
@@ -134,8 +132,7 @@ def design(
         raise InputError("--count: expected 1 or more, --validation: 0 or more")
     options = DesignOptions(
         count=count, validation=validation, box=box or Box(), clearance=clearance_of(clearance_m),
-        station=station, frames=frames, orientation=use == "pose", seed=seed, threads=threads_of(threads),
-    )
+        station=station, frames=frames, orientation=use == "pose", seed=seed, threads=threads_of(threads))
     if not 0.0 < noise_mm < 100.0:
         raise InputError("--noise-mm: expected between 0 and 100")
     progress.plan(STEPS["design"])
@@ -149,14 +146,12 @@ def design(
         stops = stops_of(q, approach, found.space.lower, found.space.upper)
         texts = dict([measuring_program(arm, program, stops)])
     defaults = {"validation": 13, "tool_m": None, "frames": "both", "use": "position"}
-    return CommandResult(
-        json=_json(found) | {"isolability": isolability_json(causes)},
-        report=_report(arm, found, isolability_table(causes, noise_mm)),
-        tables={"poses.csv": {"set": sets} | pose_columns(arm, q, approach),
-                "isolability.csv": isolability_columns(causes)},
-        texts=texts,
-        asked=asked("design", robot, None, seed, given, defaults),
-    )
+    return CommandResult(json=_json(found) | {"isolability": isolability_json(causes)},
+                         report=_report(arm, found, isolability_table(causes, noise_mm)),
+                         tables={"poses.csv": {"set": sets} | pose_columns(arm, q, approach),
+                                 "isolability.csv": isolability_columns(causes)},
+                         texts=texts,
+                         asked=asked("design", robot, None, seed, given, defaults))
 
 
 def _closures(arguments: argparse.Namespace) -> CommandResult:
@@ -168,8 +163,7 @@ def _closures(arguments: argparse.Namespace) -> CommandResult:
     options = ClosureDesignOptions(
         places=len(at) or arguments.places, count=arguments.count, apart=1e-3 * arguments.apart_mm, at=at,
         box=box_of(arguments.box), clearance=clearance_of(arguments.clearance), seed=arguments.seed,
-        threads=arguments.threads,
-    )
+        threads=arguments.threads)
     if arguments.contact in CAMERA:
         return designed_pictures(robot, _camera(arguments.fixture), options, _views(arguments))
     if arguments.contact in SENSORS:
@@ -202,16 +196,12 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         raise InputError("--minutes acts with --for RESULT only")
     if arguments.contact is not None:
         return _closures(arguments)
-    return design(
-        arguments.robot, count=arguments.count, validation=arguments.validation,
-        tool_m=tool_of(arguments.tool),
-        frames=arguments.frames, use=arguments.use, box=box_of(arguments.box),
-        clearance_m=arguments.clearance,
-        station=station_of(arguments.station, arguments.opening, arguments.acceptance),
-        both_ways=arguments.both_ways, program=arguments.program, noise_mm=arguments.noise_mm,
-        seed=arguments.seed, threads=arguments.threads,
-        progress=arguments.progress,
-    )
+    return design(arguments.robot, count=arguments.count, validation=arguments.validation,
+                  tool_m=tool_of(arguments.tool), frames=arguments.frames, use=arguments.use,
+                  box=box_of(arguments.box), clearance_m=arguments.clearance,
+                  station=station_of(arguments.station, arguments.opening, arguments.acceptance),
+                  both_ways=arguments.both_ways, program=arguments.program, noise_mm=arguments.noise_mm,
+                  seed=arguments.seed, threads=arguments.threads, progress=arguments.progress)
 
 
 def _json(design: Design) -> dict[str, Any]:
@@ -221,13 +211,11 @@ def _json(design: Design) -> dict[str, Any]:
         "poses": len(design.q),
         "validation_poses": len(design.q_validation),
         "identifiable": design.identifiability.identifiable,
-        "dropped": [{"parameter": entry.name, "why": entry.why} for entry in design.identifiability.dropped],
-    }
+        "dropped": [{"parameter": entry.name, "why": entry.why} for entry in design.identifiability.dropped]}
 
 
 def _visits(design: Design, both_ways: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """q (N, n) in the order of driving, the set of each, and the direction of approach (N, n) where it is
-    planned."""
+    """q (N, n) in the order of driving, the set of each, and the direction of approach (N, n), if planned."""
     q = np.concatenate([design.q, design.q_validation])
     sets = np.repeat(["identification", "validation"], [len(design.q), len(design.q_validation)])
     if not both_ways:
@@ -238,11 +226,10 @@ def _visits(design: Design, both_ways: bool) -> tuple[np.ndarray, np.ndarray, np
 def _report(robot: Robot, design: Design, causes: Table) -> Report:
     gain = design.observability.O1 / design.start.O1
     parameters = len(design.identifiability.identifiable)
-    verdict = (
-        f"{len(design.q)} poses for {parameters} parameters: O1 = {number(design.observability.O1)}, "
-        f"{gain:.2f} times that of the random set it started from."
-    )
-    sections: list[Section] = [_index_table(design), causes, _dropped_table(design)]
+    verdict = (f"{len(design.q)} poses for {parameters} parameters: O1 = {number(design.observability.O1)}, "
+               f"{gain:.2f} times that of the random set it started from.")
+    sections: list[Section] = [_index_table(design), causes, dropped_table(
+        design.identifiability.dropped, "", "Not identifiable by any such poses")]
     if warnings := _warnings(design):
         sections.append(Warnings(warnings))
     sections += [_history_figure(design), _pose_figure(design), _method(design)]
@@ -257,17 +244,10 @@ def _index_table(design: Design) -> Table:
                  "Larger is better. O1: all parameters together; O4: the one that shows least.")
 
 
-def _dropped_table(design: Design) -> Table:
-    rows = tuple((entry.name, entry.why) for entry in design.identifiability.dropped)
-    return Table("Not identifiable by any such poses", ("parameter", "why"), rows)
-
-
 def _warnings(design: Design) -> tuple[str, ...]:
     items = [
         f"joint limits, the box and {number(1e3 * design.space.clearance)} mm from base column and upper arm "
-        "are kept; "
-        "obstacles, cables and covers are not known: check the poses before they are driven"
-    ]
+        "are kept; obstacles, cables and covers are not known: check the poses before they are driven"]
     if design.space.assumed:
         axes = ", ".join(str(axis) for axis in design.space.assumed)
         items.append(f"the robot file has no limits for axis {axes}: half a turn either way was assumed")
@@ -293,21 +273,15 @@ def _pose_figure(design: Design) -> Figure:
 def _method(design: Design) -> Text:
     paragraphs = [
         "From a random set, poses are exchanged one by one: of random candidates that raise O1 the one that "
-        "raises O4 most "
-        "is added, and the pose that O1 misses least is removed; what has just come or gone is tabu for a "
-        "while. Then every "
-        "pose moves a little as long as O1 rises and O4 does not fall. Poses are in an order of short ways.",
+        "raises O4 most is added, and the pose that O1 misses least is removed; what has just come or gone "
+        "is tabu for a while. Then every pose moves a little as long as O1 rises and O4 does not fall. Poses "
+        "are in an order of short ways.",
         "Lengths and angles count as metres of the target per metre or radian; other parameters per a "
-        "thousand times "
-        "their plausible magnitude.",
-    ]
+        "thousand times their plausible magnitude."]
     if len(design.q_validation):
         paragraphs.append(
             "The validation poses are not designed: a design sits at the rim of what the arm can do, an "
-            "honest judgement "
-            "needs ordinary poses. Of many random sets the one was taken whose poses lie farthest from each "
-            "other and "
-            f"from the others (at least {100 * design.validation_distance:.0f} % of the joints' ranges, root "
-            "mean square)."
-        )
+            "honest judgement needs ordinary poses. Of many random sets the one was taken whose poses lie "
+            f"farthest from each other and from the others (at least {100 * design.validation_distance:.0f} "
+            "% of the joints' ranges, root mean square).")
     return Text("How the poses were found", tuple(paragraphs))

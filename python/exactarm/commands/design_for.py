@@ -1,8 +1,6 @@
 """What `exactarm design --for RESULT.json` says: the experiment that a diagnosis has planned, as poses to
 drive."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -30,12 +28,10 @@ _KEYS = ("poses_rad", "payload_kg", "bits", "open_bits", "between")
 
 def experiment_json(experiment: Experiment) -> dict:
     """An experiment as it stands in result.json."""
-    return {
-        "experiment": experiment.title, "between": experiment.between,
-        "poses_rad": np.round(experiment.q, 9).tolist(),
-        "payload_kg": experiment.payload_kg, "bits": experiment.bits, "open_bits": experiment.open_bits,
-        "minutes": experiment.minutes(), "bits_per_minute": experiment.bits_per_minute(),
-    }
+    return {"experiment": experiment.title, "between": experiment.between,
+            "poses_rad": np.round(experiment.q, 9).tolist(),
+            "payload_kg": experiment.payload_kg, "bits": experiment.bits, "open_bits": experiment.open_bits,
+            "minutes": experiment.minutes(), "bits_per_minute": experiment.bits_per_minute()}
 
 
 def experiments_table(experiments: tuple[Experiment, ...], cost: Mapping[str, float] = MINUTES) -> Table:
@@ -45,8 +41,7 @@ def experiments_table(experiments: tuple[Experiment, ...], cost: Mapping[str, fl
     return Table("Experiments that would tell", ("experiment", "poses", "bits", "minutes", "bits per minute"),
                  rows,
                  f"Is it {experiments[0].between}? Each pose is approached from both directions. Bits: what "
-                 "the experiment is expected to "
-                 "tell of what is not known about the cause. Minutes: "
+                 "the experiment is expected to tell of what is not known about the cause. Minutes: "
                  + ", ".join(f"{minutes:g} {_COSTS[name]}" for name, minutes in cost.items())
                  + " (assumed; `design --for --minutes` changes them).")
 
@@ -83,8 +78,7 @@ def _short(name: str) -> str:
 
 
 def read_experiments(path: Path, robot: Robot) -> tuple[Experiment, ...]:
-    """The experiments of a diagnosis' result.json. Raises InputError where there are none, or none for this
-    robot."""
+    """The experiments of a diagnosis' result.json. Raises InputError where none are for this robot."""
     entries = _told(path).get("experiments")
     if not isinstance(entries, list):
         raise InputError(f"no experiments; {_EXPECTED}", file=str(path))
@@ -109,12 +103,10 @@ def read_experiments(path: Path, robot: Robot) -> tuple[Experiment, ...]:
 def _fits(experiment: Experiment, robot: Robot) -> bool:
     """Whether it has the shapes and sizes of an experiment with this robot."""
     q, load = experiment.q, experiment.payload_kg
-    return (
-        q.ndim == 2 and q.shape[1] == robot.axes and len(q) > 0 and bool(np.all(np.isfinite(q)))
-        and all(is_number(value) for value in (load, experiment.bits, experiment.open_bits))
-        and 0.0 <= load <= MOST[PAYLOAD] and isinstance(experiment.between, str)
-        and 0.0 <= experiment.bits <= _MOST_BITS and 0.0 <= experiment.open_bits <= _MOST_BITS
-    )
+    return (q.ndim == 2 and q.shape[1] == robot.axes and len(q) > 0 and bool(np.all(np.isfinite(q)))
+            and all(is_number(value) for value in (load, experiment.bits, experiment.open_bits))
+            and 0.0 <= load <= MOST[PAYLOAD] and isinstance(experiment.between, str)
+            and 0.0 <= experiment.bits <= _MOST_BITS and 0.0 <= experiment.open_bits <= _MOST_BITS)
 
 
 def _require_in_limits(experiment: Experiment, number: int, robot: Robot, path: Path) -> None:
@@ -141,8 +133,7 @@ def minutes_of(words: list[str]) -> dict[str, float]:
 
 def designed_for(robot: Robot, path: Path, cost: Mapping[str, float],
                  program: str | None = None) -> CommandResult:
-    """The experiment with the most bits per minute as `poses.csv`: every pose twice, from below and from
-    above."""
+    """The experiment with the most bits a minute as `poses.csv`: every pose twice, from below and above."""
     experiments = sorted(read_experiments(path, robot), key=lambda e: (not e.parts, -e.bits_per_minute(cost)))
     best = experiments[0]
     both = np.repeat(best.q, 2, axis=0)
@@ -156,14 +147,11 @@ def designed_for(robot: Robot, path: Path, cost: Mapping[str, float],
     verdict = (f"{len(best.q)} poses{load}, each approached from both directions: in some "
                f"{best.minutes(cost):.0f} minutes they tell "
                f"{best.bits:.2f} of {best.open_bits:.2f} bits about whether it is {best.between}.")
-    how = (
-        "Drive to each pose in such a way that every axis moves upwards (approach 1) or downwards (-1) at "
-        "the "
-        "end, add the measured positions to poses.csv as x_m, y_m, z_m, and diagnose it together with the "
-        "first "
-        "file. Both need the same columns: give the first one approach_i (0 where it is not known)"
-        + (" and payload_kg (0)." if best.payload_kg else "."),
-    )
+    how = ("Drive to each pose in such a way that every axis moves upwards (approach 1) or downwards (-1) at "
+           "the end, add the measured positions to poses.csv as x_m, y_m, z_m, and diagnose it together with "
+           "the first file. Both need the same columns: give the first one approach_i (0 where it is not "
+           "known)"
+           + (" and payload_kg (0)." if best.payload_kg else "."),)
     return CommandResult(
         json={"experiments": [experiment_json(e) for e in experiments], "minutes": dict(cost),
               "poses": len(both)},
@@ -171,8 +159,7 @@ def designed_for(robot: Robot, path: Path, cost: Mapping[str, float],
                       (experiments_table(tuple(experiments), cost), Text("How", how)),
                       "good" if best.parts else "caution"),
         tables={"poses.csv": pose_columns(robot, both, approach) | carried},
-        texts=texts,
-    ).warned(other_robot(path, robot))
+        texts=texts).warned(other_robot(path, robot))
 
 
 def pose_columns(robot: Robot, q: np.ndarray, approach: np.ndarray | None) -> dict[str, np.ndarray]:

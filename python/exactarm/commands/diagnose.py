@@ -14,10 +14,9 @@ from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of
 from exactarm.commands.design_for import experiment_json
 from exactarm.commands.diagnose_report import report_of
 from exactarm.commands.effect_sections import rows_left_out
-from exactarm.commands.load_section import with_load_section
+from exactarm.commands.load_section import with_load_section, with_payload_section
 from exactarm.commands.memory import within_memory
 from exactarm.commands.output import PICTURES, ROBOT_FILES
-from exactarm.commands.payload_section import with_payload_section
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.steps import CHECKING, READING, STEPS, step_of, steps_of_kinds
 from exactarm.commands.suspicions import suspicions
@@ -47,11 +46,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_sessions(parser)
 
 
-def diagnose(
-    robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, threads: int | None = None,
-    kind: str | None = None,
-    fixture: AnyFixture = None, sessions: str | Path | None = None, progress: Progress = SILENT,
-) -> CommandResult:
+def diagnose(robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, threads: int | None = None,
+             kind: str | None = None, fixture: AnyFixture = None, sessions: str | Path | None = None,
+             progress: Progress = SILENT) -> CommandResult:
     """Finds what the model lacks: the effects behind the residual, their size, certainty, and error before
     and after.
 
@@ -96,11 +93,9 @@ def diagnose(
     made = CommandResult(
         json={"robot_name": declared.name} | _json(first) | also,
         report=report_of(declared, results, rows.split_rule(), skipped),
-        robot=known,
-        tables={"residuals.csv": _residuals(first)},
+        robot=known, tables={"residuals.csv": _residuals(first)},
         texts=_drafted([draft for result in results for draft in result.drafts]),
-        asked=asked("diagnose", robot, rows, seed, {"kind": kind, "sessions": sessions}),
-    ).warned(warnings)
+        asked=asked("diagnose", robot, rows, seed, {"kind": kind, "sessions": sessions})).warned(warnings)
     last = first.selection.fits[-1]
     payloads = session_payloads(first.problem.data, last.layout, last.fit.interval())
     made = with_payload_section(made, payloads, "Estimated with what the model lacked.")
@@ -118,11 +113,9 @@ def _json(result: Diagnosis) -> dict[str, Any]:
     if result.verdict == UNEXPLAINED:
         effects.append(_unknown(result))
     rows = {"identification": result.problem.data, "validation": result.problem.held_out}
-    sets = lambda summaries, errors, fitted: {
-        name: summary.to_json() | _per_axis(result, errors[name])
-        | result.problem.also_judged(fitted, rows[name])
-        for name, summary in summaries.items()
-    }
+    sets = lambda summaries, errors, fitted: {name: summary.to_json() | _per_axis(result, errors[name])
+                                              | result.problem.also_judged(fitted, rows[name])
+                                              for name, summary in summaries.items()}
     after = sets(result.after, result.errors_after, result.selection.fits[-1])
     if result.excluded:
         after["identification"]["excluded"] = result.excluded
@@ -136,14 +129,10 @@ def _json(result: Diagnosis) -> dict[str, Any]:
         "before": sets(result.before, result.errors_before, result.selection.fits[0]),
         "after": after,
         "effects": effects,
-        "alternatives": [
-            {
-                "effect": a.effect.name, "joint": a.effect.joint, "instead_of": a.instead_of,
-                "validation_rms_after": a.rms_after, "probability": a.probability,
-                "cannot_be_told_apart": a.collides,
-            }
-            for a in result.alternatives
-        ],
+        "alternatives": [{"effect": a.effect.name, "joint": a.effect.joint, "instead_of": a.instead_of,
+                          "validation_rms_after": a.rms_after, "probability": a.probability,
+                          "cannot_be_told_apart": a.collides}
+                         for a in result.alternatives],
         "verdict": result.verdict,
         "sentence": result.sentence,
         "next_experiment": result.next_experiment or "",
@@ -181,16 +170,10 @@ def _effect(finding: Finding, result: Diagnosis) -> dict[str, Any]:
         p.name: value if p.fixed and low == high else estimate(value, float(low), float(high))
         for p, value, (low, high) in zip(effect.parameters(), effect.values, finding.intervals)
     } | {name: estimate(*numbers) for name, numbers in finding.derived.items()}
-    return {
-        "effect": effect.name,
-        "joint": effect.joint,
-        "parameters": parameters,
-        "validation_rms_before": finding.rms_before,
-        "validation_rms_after": finding.rms_after,
-        "probability": finding.probability,
-        "evidence": finding.evidence,
-        "compensable": effect.compensable,
-    } | _own(finding, result)
+    return {"effect": effect.name, "joint": effect.joint, "parameters": parameters,
+            "validation_rms_before": finding.rms_before, "validation_rms_after": finding.rms_after,
+            "probability": finding.probability, "evidence": finding.evidence,
+            "compensable": effect.compensable} | _own(finding, result)
 
 
 def _own(finding: Finding, result: Diagnosis) -> dict[str, Any]:
@@ -215,34 +198,28 @@ def _posterior(result: Diagnosis) -> dict[str, Any]:
     if causes is None:
         return dict.fromkeys(("probability_nothing", "probability_something_else", "false_alarm_rate",
                               "self_test"))
-    return {
-        "probability_nothing": causes.probability_nothing,
-        "probability_something_else": causes.probability_something_else,
-        "false_alarm_rate": causes.test.false_alarms,
-        "self_test": {"sets": causes.test.sets, "share_right": causes.test.share_right,
-                      "draws": causes.test.draws},
-        "noise": _noise(causes),
-    }
+    return {"probability_nothing": causes.probability_nothing,
+            "probability_something_else": causes.probability_something_else,
+            "false_alarm_rate": causes.test.false_alarms,
+            "self_test": {"sets": causes.test.sets, "share_right": causes.test.share_right,
+                          "draws": causes.test.draws},
+            "noise": _noise(causes)}
 
 
 def _noise(causes: Causes) -> dict[str, Any]:
     """The law of the noise, and what neighbouring rows share of it."""
     noise, wandering = causes.noise, causes.noise.wandering
-    return {
-        "family": noise.family,
-        "degrees_of_freedom": noise.freedom if np.isfinite(noise.freedom) else None,
-        "shared_by_neighbours": 0.0 if wandering is None else wandering.ratio / (1.0 + wandering.ratio),
-        "memory_rows": None if wandering is None else wandering.memory,
-    }
+    return {"family": noise.family,
+            "degrees_of_freedom": noise.freedom if np.isfinite(noise.freedom) else None,
+            "shared_by_neighbours": 0.0 if wandering is None else wandering.ratio / (1.0 + wandering.ratio),
+            "memory_rows": None if wandering is None else wandering.memory}
 
 
 def _unknown(result: Diagnosis) -> dict[str, Any]:
     left = result.dossier_after
     signal = left.strongest if left.structure else None
-    share = (
-        f" ({100 * signal.share:.0f} % of the remaining square sum, p = {signal.p_value:.1e})"
-        if signal else ""
-    )
+    share = (f" ({100 * signal.share:.0f} % of the remaining square sum, p = {signal.p_value:.1e})"
+             if signal else "")
     rms = result.after["validation" if result.after["validation"].n else "identification"].rms
     probability = 1.0 - (signal.p_value if signal else 0.0)
     unknown = result.unknown
@@ -254,8 +231,7 @@ def _unknown(result: Diagnosis) -> dict[str, Any]:
         "validation_rms_before": rms, "validation_rms_after": rms,
         "probability": probability,
         "evidence": f"a structure that no candidate explains: {remains(left, result.excess, unknown)}{share}",
-        "compensable": False,
-    }
+        "compensable": False}
 
 
 def _residuals(result: Diagnosis) -> dict[str, Any]:
@@ -269,9 +245,7 @@ def _residuals(result: Diagnosis) -> dict[str, Any]:
         joined = lambda column: np.concatenate([getattr(rows[name], column) for name in errors])
         told = {"file": [files[i] for i in joined("file_index")], "row": joined("row"),
                 "session": joined("session")}
-    return told | {
-        "set": [name for name in errors for _ in errors[name]],
-        "number": np.concatenate([np.arange(1, len(errors[name]) + 1) for name in errors]),
-        "error_before": np.concatenate([errors[name] for name in errors]),
-        "error_after": np.concatenate([result.errors_after[name] for name in errors]),
-    }
+    return told | {"set": [name for name in errors for _ in errors[name]],
+                   "number": np.concatenate([np.arange(1, len(errors[name]) + 1) for name in errors]),
+                   "error_before": np.concatenate([errors[name] for name in errors]),
+                   "error_after": np.concatenate([result.errors_after[name] for name in errors])}

@@ -1,8 +1,6 @@
 """The report of a diagnosis: verdict, what to do next, the causes one line each, their curves, then the
 evidence."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np
@@ -26,14 +24,7 @@ from exactarm.diagnose.contribution import Contribution
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.diagnose.dossier import Dossier
 from exactarm.diagnose.held_out_evidence import AGAINST
-from exactarm.diagnose.verdict import (
-    NOTHING,
-    UNEXPLAINED,
-    beside,
-    remains,
-    spoken_against,
-    stood_and_refuted,
-)
+from exactarm.diagnose.verdict import NOTHING, UNEXPLAINED, beside, remains, spoken_against, stood_and_refuted
 from exactarm.report import Figure, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import change, fixed, number, quantities
 from exactarm.report.plots.arm import arm_with_errors
@@ -82,17 +73,14 @@ def verdict_of(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contr
     if not named:
         return result.sentence
     before, after = result.before[judged].rms, result.after[judged].rms
-    whose = (
-        f"{rows} that were never fitted" if judged == "validation"
-        else f"the fitted {rows} (none were held out)"
-    )
+    whose = (f"{rows} that were never fitted" if judged == "validation"
+             else f"the fitted {rows} (none were held out)")
     lacks = {finding.effect.label for finding in named}
     lacked = [pair for pair in found if pair[0].effect.label in lacks]
     against = beside(refuted)
     text = (
         f"The model lacked {causes_in_words(result, lacked, robot.axes)}. With this{against} in it the RMS "
-        f"error on {whose} {change(before, after, result.unit)}{_many_left_out(result, judged)}."
-    )
+        f"error on {whose} {change(before, after, result.unit)}{_many_left_out(result, judged)}.")
     doubtful = [a for a in result.alternatives if a.collides]
     if doubtful:
         own = next((f.effect for f in result.findings if f.effect.label == doubtful[0].instead_of), None)
@@ -103,10 +91,8 @@ def verdict_of(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contr
     if result.held_out_gain < AGAINST:
         text += spoken_against(len(found))
     elif result.verdict == UNEXPLAINED:
-        text += (
-            " Something is left that no known cause explains: "
-            f"{remains(result.dossier_after, result.excess, result.unknown)}."
-        )
+        text += (" Something is left that no known cause explains: "
+                 f"{remains(result.dossier_after, result.excess, result.unknown)}.")
     return text
 
 
@@ -135,8 +121,7 @@ def _sections(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contri
               (("no model can do better than", Quantity(result.noise.value, unit), result.noise.source),)),
         *([_dossier_table("What the error follows, before", result.dossier_before),
            _dossier_table("What the error still follows, after", result.dossier_after)] if found
-          else [_dossier_table("What the error follows", result.dossier_after)]),
-    ]
+          else [_dossier_table("What the error follows", result.dossier_after)])]
     outliers = _outliers(result)
     if outliers or result.left_out or result.unconverged:
         sections.append(Warnings((*result.unconverged, *outliers, *result.left_out)))
@@ -216,8 +201,7 @@ def _axes_table(result: Diagnosis) -> list[Table]:
     rows = tuple(
         (str(axis["joint"]), Quantity(axis["before"], result.unit), Quantity(axis["after"], result.unit),
          ", ".join(f.effect.title for f in result.findings if f.effect.joint in (None, axis["joint"])))
-        for axis in result.axes
-    )
+        for axis in result.axes)
     return [Table(f"RMS error by axis, {judged} rows", ("axis", "before", "after", "found on it"), rows)]
 
 
@@ -238,8 +222,7 @@ def _rivals(result: Diagnosis) -> Table:
     reached = result.after[judged].rms
     rows = tuple(
         (a.effect.title, titles.get(a.instead_of, a.instead_of), Quantity(a.rms_after, result.unit),
-         percent(a.probability),
-         _why(a, reached))
+         percent(a.probability), _why(a, reached))
         for a in {(a.effect.title, a.instead_of): a for a in reversed(result.alternatives)}.values()
     )[::-1]  # of two of one name the better
     header = ("runner-up", "instead of", f"{judged} RMS with it", "probability", "why it was not chosen")
@@ -261,8 +244,7 @@ def _dossier_table(heading: str, dossier: Dossier) -> Table:
     rows = tuple(
         (str(f.signal), str(f.direction), f"{100 * f.share:.1f} %",
          number(f.p_value, 2) if f.p_value > _NEVER else f"< {_NEVER:g}", "yes" if f.significant else "no")
-        for f in dossier.follows[:8]
-    )
+        for f in dossier.follows[:8])
     note = (f"Share of the square sum explained by bins of the signal; p-values corrected for all tests. "
             f"Autocorrelation from row to row: {fixed(dossier.autocorrelation, 2)}.")
     return Table(heading, ("signal", "along", "share", "p-value", "beyond chance"), rows, note)

@@ -1,8 +1,6 @@
 """Found effects as a technician reads them: one line each, their curves, their strongest orders, their sizes
 at the tool."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 from typing import Any
@@ -39,9 +37,9 @@ _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight"
             "twelve")
 
 
-def in_order(found: Sequence[tuple[Finding, Contribution | None]]) -> list[
-    tuple[Finding, Contribution | None]
-]:
+def in_order(
+    found: Sequence[tuple[Finding, Contribution | None]]
+) -> list[tuple[Finding, Contribution | None]]:
     """In the order of the chain, then of the axes."""
     return sorted(found, key=lambda pair: (pair[0].effect.station, pair[0].effect.joint or 0))
 
@@ -74,8 +72,7 @@ def rows_left_out(result: Diagnosis, finding: Finding) -> Quantity | None:
 
 def causes_in_words(result: Diagnosis, found: Sequence[tuple[Finding, Contribution | None]],
                     axes: int) -> str:
-    """All causes in one phrase, the largest at the tool first: like ones of several axes together, with their
-    size."""
+    """All causes in one phrase, the largest at the tool first; like ones of several axes together."""
     groups: dict[str, list[tuple[Finding, Contribution | None]]] = {}
     for finding, contribution in found:
         groups.setdefault(finding.effect.in_plain_words, []).append((finding, contribution))
@@ -147,8 +144,7 @@ def _row(result: Diagnosis, finding: Finding, contribution: Contribution | None)
     measure, size = _size(finding, contribution, result.robot)
     at_tool = getattr(finding, "at_tool_um", None)
     tool = (
-        1e-6 * at_tool if at_tool is not None else contribution.at_tool if contribution is not None else None
-    )
+        1e-6 * at_tool if at_tool is not None else contribution.at_tool if contribution is not None else None)
     if left := rows_left_out(result, finding):
         measure = (f"median error of {result.excluded} rows left out" if result.excluded > 1
                    else "error of the row left out")
@@ -159,10 +155,8 @@ def _row(result: Diagnosis, finding: Finding, contribution: Contribution | None)
     return [
         _cause(effect), "" if effect.joint is None else str(effect.joint), measure, size,
         None if tool is None else Quantity(1e6 * tool, "µm"),
-        None if share is None else f"{100.0 * share:.0f} %",
-        percent(finding.probability),
-        ", ".join(f"{_label(other).replace('_', ' ')} ({percent(_probability(other))})" for other in others),
-    ]
+        None if share is None else f"{100.0 * share:.0f} %", percent(finding.probability),
+        ", ".join(f"{_label(other).replace('_', ' ')} ({percent(_probability(other))})" for other in others)]
 
 
 def _label(member: Any) -> str:
@@ -198,10 +192,8 @@ def _size(finding: Finding, contribution: Contribution | None, robot: Robot) -> 
 
 def percent(probability: float) -> str:
     """0.0005 and less, 0.9995 and more are beyond what a model's probability means."""
-    return (
-        "< 0.1 %" if probability < 5e-4 else f"{100 * probability:.1f} %"
-        if probability < 0.9995 else "> 99.9 %"
-    )
+    return ("< 0.1 %" if probability < 5e-4 else f"{100 * probability:.1f} %"
+            if probability < 0.9995 else "> 99.9 %")
 
 
 def parameters_table(found: Sequence[tuple[Finding, Contribution | None]], robot: Robot) -> Table:
@@ -251,8 +243,7 @@ def curves_figure(found: Sequence[tuple[Finding, Contribution | None]]) -> list[
         + (" RMS of the grey points, and of what is left with the cause." if grey else "")
         + (" Over a phase: without what changes more slowly than a wave." if any(
             c.fast for _, c in found if c is not None) else ""),
-        "one panel for each effect found: its curve with band over its own signal, and the error without it",
-    )]
+        "one panel for each effect found: its curve with band over its own signal, and the error without it")]
 
 
 def _panels(c: Contribution) -> list[EffectPanel]:
@@ -286,5 +277,4 @@ def sizes_figure(result: Diagnosis, found: Sequence[tuple[Finding, Contribution 
     labels, sizes = [label for label, _ in told], np.array([size for _, size in told])
     return [Figure("contributions", "Which axis costs how much",
                    partial(contribution_bars, labels, sizes, left if result.unit == "m" else None),
-                   _what_at_tool(result),
-                   "bars of the movement at the tool by cause")]
+                   _what_at_tool(result), "bars of the movement at the tool by cause")]

@@ -26,19 +26,14 @@ from exactarm.data.kinds import kind_of
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.design.joint_limits import beyond_limits
 from exactarm.errors import InputError
-from exactarm.identify.evaluate import EVALUATORS
-from exactarm.identify.evaluation import Evaluation
+from exactarm.identify.evaluate import EVALUATORS, Evaluation
 from exactarm.identify.planned import controller_angles
 from exactarm.identify.pose_uncertainty import pose_uncertainty
 from exactarm.progress import SILENT, Progress
-from exactarm.report import Cell, Figure, Highlight, Highlights, Quantity, Report, Table, Warnings
+from exactarm.report import Cell, Highlight, Highlights, Quantity, Report, Table, Warnings
 from exactarm.report.numbers import quantities, quantity
-from exactarm.report.plots.errors import (
-    error_histogram,
-    error_histogram_panel,
-    error_per_pose,
-    error_per_pose_panel,
-)
+from exactarm.report.plots.errors import error_histogram, error_per_pose
+from exactarm.report.plots.style import figure_of_panel
 from exactarm.robot.robot import Robot
 
 NAME = "evaluate"
@@ -56,12 +51,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                              "given")
 
 
-def evaluate(
-    robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, threads: int | None = None,
-    kind: str | None = None,
-    fixture: AnyFixture = None, sessions: str | Path | None = None,
-    at: str | Path | None = None, progress: Progress = SILENT,
-) -> CommandResult:
+def evaluate(robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, threads: int | None = None,
+             kind: str | None = None, fixture: AnyFixture = None, sessions: str | Path | None = None,
+             at: str | Path | None = None, progress: Progress = SILENT) -> CommandResult:
     """The error of a robot as it is: only what belongs to the set-up (frames, contacts, sensor alignment) is
     fitted.
 
@@ -90,31 +82,25 @@ def evaluate(
     columns[f"error_{result.unit.replace('/', '_')}"] = result.error
     columns |= {name: result.residual[:, k] for k, name in enumerate(result.columns)}
     made = CommandResult(
-        json={
-            "error": result.overall.to_json(),
-            "unit": result.unit,
-            **distance_json(result.distances),
-            **({} if result.tilt is None else {"tilt_error_rad": result.tilt}),
-            **({} if result.pixels is None else {"reprojection_px": result.pixels}),
-            "sessions": [{"session": session} | summary.to_json() for session, summary in result.sessions],
-            "warnings": list(result.warnings),
-        },
-        report=_report(declared, rows, result),
-        tables={"residuals.csv": columns},
+        json={"error": result.overall.to_json(),
+              "unit": result.unit,
+              **distance_json(result.distances),
+              **({} if result.tilt is None else {"tilt_error_rad": result.tilt}),
+              **({} if result.pixels is None else {"reprojection_px": result.pixels}),
+              "sessions": [{"session": session} | summary.to_json() for session, summary in result.sessions],
+              "warnings": list(result.warnings)},
+        report=_report(declared, rows, result), tables={"residuals.csv": columns},
         asked=asked("evaluate", robot, rows, seed,
                     {"sessions": sessions, "at": None if at is None else str(at)}),
-        inputs=() if at is None else (at,),
-    ).warned(found)
+        inputs=() if at is None else (at,)).warned(found)
     if at is not None:
         progress.stage(AT_POSES)
         made = _certified(made, declared, rows, result, at, seed, threads_of(threads))
     return with_load_section(made, declared, rows)
 
 
-def _certified(
-    made: CommandResult, robot: Robot, rows: Dataset, result: Evaluation, at: str | Path, seed: int,
-    threads: int
-) -> CommandResult:
+def _certified(made: CommandResult, robot: Robot, rows: Dataset, result: Evaluation, at: str | Path,
+               seed: int, threads: int) -> CommandResult:
     if result.frames is None:
         raise InputError(f"--at needs poses, found {rows.kind}", file=rows.first_file)
     poses = read_planned_poses(at, robot)
@@ -126,9 +112,8 @@ def _certified(
 
 def run(arguments: argparse.Namespace) -> CommandResult:
     return evaluate(arguments.robot, arguments.files, seed=arguments.seed, threads=arguments.threads,
-                    kind=arguments.kind,
-                    fixture=arguments.fixture, sessions=arguments.sessions, at=arguments.at,
-                    progress=arguments.progress)
+                    kind=arguments.kind, fixture=arguments.fixture, sessions=arguments.sessions,
+                    at=arguments.at, progress=arguments.progress)
 
 
 def distance_json(distances: dict[str, float] | None) -> dict[str, Any]:
@@ -141,10 +126,8 @@ def distance_json(distances: dict[str, float] | None) -> dict[str, Any]:
 def _report(robot: Robot, data: Dataset, result: Evaluation) -> Report:
     s, unit = result.overall, result.unit
     mean, most = quantities([s.mean, s.max], unit)
-    verdict = (
-        f"{robot.name}, as its file describes it, is off by {mean} on average and by {most} at most "
-        f"({s.n} rows; nothing of the robot was fitted, only the set-up)."
-    )
+    verdict = (f"{robot.name}, as its file describes it, is off by {mean} on average and by {most} at most "
+               f"({s.n} rows; nothing of the robot was fitted, only the set-up).")
     known: tuple[Table, ...] = ()
     if result.distances:
         missed = float(np.mean(list(result.distances.values())))
@@ -158,24 +141,18 @@ def _report(robot: Robot, data: Dataset, result: Evaluation) -> Report:
     name = kind_of(data.kind).error
     rows: tuple[tuple[Cell, ...], ...] = tuple(
         (str(session), e.n, *(Quantity(v, unit) for v in (e.mean, e.rms, e.max, e.std)))
-        for session, e in result.sessions
-    )
+        for session, e in result.sessions)
     none = np.ones(len(result.error), bool)
     return Report(f"Evaluation of {robot.name}", verdict, (
-        Highlights((
-            Highlight("mean", Quantity(s.mean, unit)), Highlight("RMS", Quantity(s.rms, unit)),
-            Highlight("maximum", Quantity(s.max, unit)),
-        )),
+        Highlights((Highlight("mean", Quantity(s.mean, unit)), Highlight("RMS", Quantity(s.rms, unit)),
+                    Highlight("maximum", Quantity(s.max, unit)))),
         to_improve(kind_of(data.kind)),
         Table("By session", ("session", "rows", "mean", "RMS", "maximum", "std. dev."), rows),
         *known,
-        Figure("error_per_row", f"{name.capitalize()} of every row",
-               partial(error_per_pose, result.error, result.error, none, unit, name=name),
-               "No row was used to fit the robot.", f"{name} against the row",
-               partial(error_per_pose_panel, result.error, result.error, none, unit, name=name)),
-        Figure("error_histogram", f"Distribution of the {name}",
-               partial(error_histogram, result.error, result.error, unit, name=name, of="rows"),
-               "Number of rows by their error.", f"histogram of the {name}",
-               partial(error_histogram_panel, result.error, result.error, unit, name=name, of="rows")),
-        Warnings(result.warnings),
-    ))
+        figure_of_panel("error_per_row", f"{name.capitalize()} of every row",
+                        partial(error_per_pose, result.error, result.error, none, unit, name=name), 3.6,
+                        "No row was used to fit the robot.", f"{name} against the row"),
+        figure_of_panel("error_histogram", f"Distribution of the {name}",
+                        partial(error_histogram, result.error, result.error, unit, name=name, of="rows"), 3.0,
+                        "Number of rows by their error.", f"histogram of the {name}"),
+        Warnings(result.warnings)))

@@ -1,8 +1,6 @@
 """Runs one command from its words: parse, work, write. Used by the command line and by commands that run
 others."""
 
-from __future__ import annotations
-
 import argparse
 import difflib
 import shlex
@@ -70,8 +68,7 @@ def _open(words: Sequence[str], hidden: Sequence[str]) -> list[str]:
 
 
 def _require_text(words: Sequence[str]) -> None:
-    """A path in bytes that are no text could be opened, but not written into a result that others can
-    read."""
+    """A path in bytes that are no text could be opened, but not written into a result for others to read."""
     for before, word in zip(("", *words), words):
         if not word.strip() and not before.startswith("--"):  # as "$UNSET": as a path it would be the folder
             raise InputError(f"argument {word!r}: is empty, expected a name or a file")
@@ -80,8 +77,7 @@ def _require_text(words: Sequence[str]) -> None:
         except UnicodeEncodeError:
             shown = word.encode(errors="backslashreplace").decode()
             raise InputError(
-                f"argument {shown}: is no UTF-8 text; expected a name that a result can hold"
-            ) from None
+                f"argument {shown}: is no UTF-8 text; expected a name that a result can hold") from None
         if "\0" in word:
             raise InputError("argument with a null character; expected text")
 

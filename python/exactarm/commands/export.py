@@ -53,24 +53,12 @@ def _urdf(robot: Robot, source: str | None, given_hash: str | None) -> bytes:
 
 
 def _parameters(robot: Robot, *_: Any) -> bytes:
-    head = (
-        "joint,type,sign,zero_rad,d_m,a_m,alpha_rad,beta_rad,q_offset_rad,"
-        "controller_offset_rad,ratio,controller_ratio"
-    )
+    head = ("joint,type,sign,zero_rad,d_m,a_m,alpha_rad,beta_rad,q_offset_rad,"
+            "controller_offset_rad,ratio,controller_ratio")
     rows = []
     for i, joint in enumerate(robot.joints):
-        numbers = (
-            joint.sign,
-            joint.zero,
-            joint.d,
-            joint.a,
-            joint.alpha,
-            joint.beta or 0.0,
-            robot.offsets[i],
-            robot.controller_offsets[i],
-            robot.ratios[i],
-            robot.controller_ratios[i],
-        )
+        numbers = (joint.sign, joint.zero, joint.d, joint.a, joint.alpha, joint.beta or 0.0, robot.offsets[i],
+                   robot.controller_offsets[i], robot.ratios[i], robot.controller_ratios[i])
         rows.append(f"{i + 1},{joint.type}," + ",".join(repr(float(number)) for number in numbers))
     return ("\n".join([head, *rows]) + "\n").encode()
 
@@ -88,24 +76,14 @@ FORMATS: dict[str, Callable[..., bytes]] = {
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
     parser.add_argument("--format", choices=tuple(FORMATS), required=True, help="what to write")
+    parser.add_argument("--source", metavar="FILE[#[BASE:]TIP]",
+                        help="urdf: the file to patch; all but its joints' origins stays")
     parser.add_argument(
-        "--source",
-        metavar="FILE[#[BASE:]TIP]",
-        help="urdf: the file to patch; all but its joints' origins stays",
-    )
-    parser.add_argument(
-        "--hash", metavar="calib_N", help="ur_description: the hash of the robot, as its driver reports it"
-    )
+        "--hash", metavar="calib_N", help="ur_description: the hash of the robot, as its driver reports it")
 
 
-def export(
-    robot: AnyRobot,
-    *,
-    format: str,
-    source: str | Path | None = None,
-    hash: str | None = None,
-    seed: int = DEFAULT_SEED,
-) -> CommandResult:
+def export(robot: AnyRobot, *, format: str, source: str | Path | None = None, hash: str | None = None,
+           seed: int = DEFAULT_SEED) -> CommandResult:
     """The identified arm in the format of another program; the file is in `contents`.
 
     Nothing in it is random: `seed` is recorded alone.
@@ -122,39 +100,23 @@ def export(
     verdict = f"{name} is written; its arm is that of the whole model, exact to rounding." if exact else (
         f"{name} is written. By what the format cannot carry, the flange is off by "
         f"{quantity(cost.mean, 'm')} on average and "
-        f"{quantity(cost.largest, 'm')} at most, against the whole model over the work space."
-    )
-    carried = (
-        "Not in the file: " + "; ".join(cost.parts) + "."
-        if cost.parts
-        else "All of the model is in the file."
-    )
+        f"{quantity(cost.largest, 'm')} at most, against the whole model over the work space.")
+    carried = ("Not in the file: " + "; ".join(cost.parts) + "." if cost.parts
+               else "All of the model is in the file.")
     options = {"format": format, "source": given, "hash": hash}
     return CommandResult(
-        json={
-            "format": format,
-            "file": name,
-            "lost_mean_m": cost.mean,
-            "lost_max_m": cost.largest,
-            "not_carried": list(cost.parts),
-        },
+        json={"format": format, "file": name, "lost_mean_m": cost.mean, "lost_max_m": cost.largest,
+              "not_carried": list(cost.parts)},
         report=Report(
-            f"Export of {arm.name}",
-            verdict,
-            (
-                *([] if exact else [Highlights((
-                    Highlight("lost, mean", Quantity(cost.mean, "m")),
-                    Highlight("lost, at most", Quantity(cost.largest, "m")),
-                ))]),
-                Text("What the format cannot carry", (carried,)),
-                Warnings(_warnings(arm, format, cost)),
-            ),
-            "plain",
-        ),
+            f"Export of {arm.name}", verdict,
+            (*([] if exact else [Highlights((Highlight("lost, mean", Quantity(cost.mean, "m")),
+                                             Highlight("lost, at most", Quantity(cost.largest, "m"))))]),
+             Text("What the format cannot carry", (carried,)),
+             Warnings(_warnings(arm, format, cost))),
+            "plain"),
         contents={name: content},
         inputs=() if source is None else (str(source).partition("#")[0],),
-        asked=asked("export", robot, None, seed, options, {"source": None, "hash": None}),
-    )
+        asked=asked("export", robot, None, seed, options, {"source": None, "hash": None}))
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:
@@ -188,15 +150,12 @@ def _warnings(robot: Robot, format: str, cost: Lost) -> tuple[str, ...]:
     last = behind_axis(robot.joints[-1])
     turned = np.abs(last.rotation - np.eye(3)).max() > 1e-9 or np.abs(last.position[:2]).max() > 1e-9
     if format == "ur_description" and turned:
-        return (
-            "the last frame's a, alpha and beta have no place in this format: the flange is that of the "
-            "description",
-        )
+        return ("the last frame's a, alpha and beta have no place in this format: the flange is that of the "
+                "description",)
     if format == "offsets":
         return ("numbers for a person: changed masterings move all taught points",)
     if format == "robodk":
         return (
             "the script shows the identified axes and measures how far RoboDK's model is off; no documented "
-            "call of its API takes the deviations of axes, and it has not been run in RoboDK itself",
-        )
+            "call of its API takes the deviations of axes, and it has not been run in RoboDK itself",)
     return ()

@@ -39,11 +39,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                              "%(default)s; both are compared in the report)")
 
 
-def gear(
-    robot: AnyRobot, data: AnyData, *, method: str = METHODS[0], seed: int = DEFAULT_SEED,
-    threads: int | None = None,
-    kind: str | None = None, progress: Progress = SILENT,
-) -> CommandResult:
+def gear(robot: AnyRobot, data: AnyData, *, method: str = METHODS[0], seed: int = DEFAULT_SEED,
+         threads: int | None = None, kind: str | None = None, progress: Progress = SILENT) -> CommandResult:
     """Identifies the gear ratio and its harmonics per axis and direction, from gear runs.
 
     method: orders as real numbers ("refined"), or whole numbers with their neighbours, as the source has
@@ -62,32 +59,26 @@ def gear(
         result = identify_gears(declared, rows, method=method, seed=seed, threads=threads_of(threads),
                                 progress=progress)
     return CommandResult(
-        json={
-            "gears": [gear_json(gear) for gear in result.gears],
-            "method": result.method,
-            "alignment": [
-                {"joint": a.joint, "direction": a.side, "alpha_rad": a.angles[0], "beta_rad": a.angles[1],
-                 "mean_before_rad_s": a.before, "mean_after_rad_s": a.after} for a in result.alignments
-            ],
-            "comparison": [
-                {"joint": h.joint, "direction": h.side, "speed_rad_s": h.speed,
-                 "set": "identification" if h.fitted else "validation", "n": h.rows, "rms_before": h.before,
-                 "rms_after": h.after} for h in result.held_out
-            ],
-            "converged": result.converged,
-            "warnings": list(result.warnings),
-        },
+        json={"gears": [gear_json(gear) for gear in result.gears],
+              "method": result.method,
+              "alignment": [
+                  {"joint": a.joint, "direction": a.side, "alpha_rad": a.angles[0], "beta_rad": a.angles[1],
+                   "mean_before_rad_s": a.before, "mean_after_rad_s": a.after} for a in result.alignments],
+              "comparison": [
+                  {"joint": h.joint, "direction": h.side, "speed_rad_s": h.speed,
+                   "set": "identification" if h.fitted else "validation", "n": h.rows, "rms_before": h.before,
+                   "rms_after": h.after} for h in result.held_out],
+              "converged": result.converged,
+              "warnings": list(result.warnings)},
         report=gear_report(declared, result, rows.split_rule()),
         robot=result.robot,
         tables={"residuals.csv": _residuals(rows, result)},
-        asked=asked("gear", robot, rows, seed, {"method": method}, {"method": METHODS[0]}),
-    ).warned(found)
+        asked=asked("gear", robot, rows, seed, {"method": method}, {"method": METHODS[0]})).warned(found)
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:
     return gear(arguments.robot, arguments.files, method=arguments.method, seed=arguments.seed,
-                threads=arguments.threads,
-                kind=arguments.kind, progress=arguments.progress)
+                threads=arguments.threads, kind=arguments.kind, progress=arguments.progress)
 
 
 def gear_json(gear: Gear) -> dict[str, Any]:
@@ -102,20 +93,16 @@ def gear_json(gear: Gear) -> dict[str, Any]:
         "direction": gear.side,
         "unit": gear.unit,
         "ratio": spread(gear.estimate.ratio, gear.estimate.ratio_sigma),
-        "harmonics": [
-            {"order": spread(order, deviation), "a": spread(a, s_a), "b": spread(b, s_b)}
-            for order, deviation, a, s_a, b, s_b in zip(
-                table.order, gear.estimate.order_sigma, table.a, sigma[:m], table.b, sigma[m:]
-            )
-        ],
+        "harmonics": [{"order": spread(order, deviation), "a": spread(a, s_a), "b": spread(b, s_b)}
+                      for order, deviation, a, s_a, b, s_b in zip(
+                          table.order, gear.estimate.order_sigma, table.a, sigma[:m], table.b, sigma[m:])],
         "before": {name: summary.to_json() for name, summary in gear.before.items()},
         "after": {name: summary.to_json() for name, summary in gear.after.items()},
         "declared": {name: summary.to_json() for name, summary in gear.declared.items()},
         "rest": {name: summary.to_json() for name, summary in gear.rest.items()},
         "noise": gear.noise,
         "cutoff_hz": gear.cutoff_hz,
-        "disturbances": dict(zip(gear.samples.disturbance_names, gear.estimate.disturbance.tolist())),
-    }
+        "disturbances": dict(zip(gear.samples.disturbance_names, gear.estimate.disturbance.tolist()))}
 
 
 def _residuals(data: Dataset, result: GearIdentification) -> dict[str, Any]:
@@ -127,17 +114,15 @@ def _residuals(data: Dataset, result: GearIdentification) -> dict[str, Any]:
         chosen = samples.side(-1.0 if gear.side == "cw" else 1.0)
         rows = samples.rows[chosen]
         unit = gear.unit.replace("/", "_")
-        parts = {
-            "file": np.array(files, object)[data.file_index[rows]],
-            "row": data.row[rows],
-            "run": data.run[rows],
-            "joint": np.full(rows.size, gear.joint),
-            "direction": np.full(rows.size, gear.side, object),
-            "set": np.where(samples.identification[chosen], "identification", "validation"),
-            "angle_rad": samples.angle[chosen] / gear.estimate.scale,
-            f"error_before_{unit}": gear.error_before[chosen],
-            f"error_after_{unit}": gear.error_after[chosen],
-        }
+        parts = {"file": np.array(files, object)[data.file_index[rows]],
+                 "row": data.row[rows],
+                 "run": data.run[rows],
+                 "joint": np.full(rows.size, gear.joint),
+                 "direction": np.full(rows.size, gear.side, object),
+                 "set": np.where(samples.identification[chosen], "identification", "validation"),
+                 "angle_rad": samples.angle[chosen] / gear.estimate.scale,
+                 f"error_before_{unit}": gear.error_before[chosen],
+                 f"error_after_{unit}": gear.error_after[chosen]}
         for name, values in parts.items():
             columns.setdefault(name, []).append(values)
     return {name: np.concatenate(parts) for name, parts in columns.items()}

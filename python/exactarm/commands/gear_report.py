@@ -1,8 +1,6 @@
 """What the report of `exactarm gear` shows: errors before and after, spectra, tables, both methods on
 held-out runs."""
 
-from __future__ import annotations
-
 from functools import partial
 
 import numpy as np
@@ -23,31 +21,21 @@ _MOST_MARKS = 6
 
 def gear_report(robot: Robot, result: GearIdentification, rule: str) -> Report:
     """Verdict, table, comparison of the methods, alignment, then figures and coefficients gear by gear."""
-    judge = _judging_set(result.gears)
+    judge = "validation" if any(gear.after["validation"].n for gear in result.gears) else "identification"
     before, after = (_pooled(result.gears, name, judge) for name in ("before", "after"))
     unit = result.gears[0].unit
     error = "transmission error" if unit == "rad" else "kinematic error"
-    verdict = (
-        f"The {error} on runs that were "
-        f"{'never fitted' if judge == 'validation' else 'fitted (none was held out)'} "
-        f"{change(before, after, unit)} RMS; {_noise_sentence(result.gears)}."
-    )
+    verdict = (f"The {error} on runs that were "
+               f"{'never fitted' if judge == 'validation' else 'fitted (none was held out)'} "
+               f"{change(before, after, unit)} RMS; {_noise_sentence(result.gears)}.")
     fall = after < ENOUGH_FALL * before
-    sections = (
-        Highlights((Highlight(f"{judge}, RMS", Quantity(after, unit), Quantity(before, unit)),)),
-        next_steps(robot, GEAR_RUN, _pooled(result.gears, "declared", judge), after),
-        _error_table(result.gears, error, rule),
-        _method_table(result, unit),
-        *_alignment_table(result),
-        *_ratio_and_disturbances(robot, result.gears),
-        *(section for gear in result.gears for section in _gear_sections(gear, error)),
-        Warnings(result.warnings),
-    )
+    sections = (Highlights((Highlight(f"{judge}, RMS", Quantity(after, unit), Quantity(before, unit)),)),
+                next_steps(robot, GEAR_RUN, _pooled(result.gears, "declared", judge), after),
+                _error_table(result.gears, error, rule), _method_table(result, unit),
+                *_alignment_table(result), *_ratio_and_disturbances(robot, result.gears),
+                *(section for gear in result.gears for section in _gear_sections(gear, error)),
+                Warnings(result.warnings))
     return Report(f"Gears of {robot.name}", verdict, sections, "good" if fall else "caution")
-
-
-def _judging_set(gears) -> str:
-    return "validation" if any(gear.after["validation"].n for gear in gears) else "identification"
 
 
 def _pooled(gears, name: str, judge: str) -> float:
@@ -69,13 +57,10 @@ def _error_table(gears, error: str, rule: str) -> Table:
                 fall = f"{fixed(100.0 * (1.0 - after.rms / before.rms), 0)} %"
                 numbers = (Quantity(before.rms, gear.unit), Quantity(after.rms, gear.unit), fall)
                 rows.append((f"{gear.joint} {gear.side}", name, before.n, *numbers,
-                             Quantity(gear.noise, gear.unit),
-                             Quantity(gear.declared[name].rms, gear.unit)))
+                             Quantity(gear.noise, gear.unit), Quantity(gear.declared[name].rms, gear.unit)))
     cutoffs = sorted({f"{gear.cutoff_hz:.0f} Hz" for gear in gears if gear.cutoff_hz})
-    filtered = (
-        f" Both sides filtered alike, -3 dB at {', '.join(cutoffs)}."
-        if cutoffs else " One offset for each run taken out."
-    )
+    filtered = (f" Both sides filtered alike, -3 dB at {', '.join(cutoffs)}."
+                if cutoffs else " One offset for each run taken out.")
     note = f"RMS. Before: the constant ratio that was identified.{filtered} {rule}"
     header = ("gear", "set", "rows", "before", "after", "fall", "noise", "as the file has it")
     return Table(error.capitalize(), header, tuple(rows), note)
@@ -85,14 +70,10 @@ def _method_table(result: GearIdentification, unit: str) -> Table:
     methods = tuple(result.held_out[0].after) if result.held_out else ()
     rows = tuple(
         (f"{h.joint} {h.side}", Quantity(h.speed, "rad/s"), "identification" if h.fitted else "validation",
-         h.rows,
-         Quantity(h.before, unit), *(Quantity(h.after[name], unit) for name in methods))
-        for h in result.held_out
-    )
-    note = (
-        "refined: orders are real numbers, from a zoom and variable projection. neighbours: the nearest "
-        f"whole numbers of the coarse FFT with their neighbours. The robot file has: {result.method}."
-    )
+         h.rows, Quantity(h.before, unit), *(Quantity(h.after[name], unit) for name in methods))
+        for h in result.held_out)
+    note = ("refined: orders are real numbers, from a zoom and variable projection. neighbours: the nearest "
+            f"whole numbers of the coarse FFT with their neighbours. The robot file has: {result.method}.")
     header = ("gear", "speed at the output", "set", "rows", "before", *methods)
     return Table("Both methods, by direction, speed and set (RMS)", header, rows, note)
 
@@ -141,8 +122,7 @@ def _ratio_and_disturbances(robot: Robot, gears) -> tuple:
         tables.append(Table(
             "Beside the gear", ("axis", "what", "size"), tuple(beside),
             "Fitted together with the harmonics so that they do not bend them; not taken out of the errors "
-            "above (but for the bias) and not in the robot file: `exactarm diagnose` names such effects.",
-        ))
+            "above (but for the bias) and not in the robot file: `exactarm diagnose` names such effects."))
     if rest:
         header = ("gear", "identification", "identification without", "validation", "validation without")
         note = "RMS of the transmission error after, and without delay, wind-up and friction."
@@ -156,10 +136,8 @@ def _disturbance_unit(name: str, unit: str) -> str:
 
 def _gear_sections(gear: Gear, error: str) -> tuple:
     e, unit = gear.estimate, gear.unit
-    title = (
-        f"axis {gear.joint}, "
-        f"{'clockwise (the motor angle falls)' if gear.side == 'cw' else 'counter-clockwise'}"
-    )
+    title = (f"axis {gear.joint}, "
+             f"{'clockwise (the motor angle falls)' if gear.side == 'cw' else 'counter-clockwise'}")
     if not gear.table.order.size:
         return (Text(f"Gear of {title}", ("No order stands out of the noise: the constant ratio is all that "
                                           "was found.",)),)
@@ -171,29 +149,24 @@ def _gear_sections(gear: Gear, error: str) -> tuple:
     angle = gear.samples.angle[shown] / e.scale
     before, after = gear.error_before[shown], gear.error_after[shown]
     stem = f"gear_{gear.joint}_{gear.side}"
-    figures = (
-        Figure(f"{stem}_spectrum", f"Spectrum of the {error}, {title}", partial(_spectrum, gear),
-               "Relative amplitude of the ratio over the order, before and after.",
-               f"spectrum of gear {gear.joint}"),
-        Figure(f"{stem}_error", f"{error.capitalize()} over the angle, {title}",
-               partial(residual_over_signal, angle, before, after, unit=unit, name=error,
-                       signal_name="angle of the output",
-                                            signal_unit="rad"),
-               "Before (constant ratio) and after (with the harmonics).",
-               f"{error} of gear {gear.joint} over the angle"),
-    )
+    figures = (Figure(f"{stem}_spectrum", f"Spectrum of the {error}, {title}", partial(_spectrum, gear),
+                      "Relative amplitude of the ratio over the order, before and after.",
+                      f"spectrum of gear {gear.joint}"),
+               Figure(f"{stem}_error", f"{error.capitalize()} over the angle, {title}",
+                      partial(residual_over_signal, angle, before, after, unit=unit, name=error,
+                              signal_name="angle of the output", signal_unit="rad"),
+                      "Before (constant ratio) and after (with the harmonics).",
+                      f"{error} of gear {gear.joint} over the angle"))
     fit, m = e.tables[gear.side], gear.table.order.size
     sigma = _LEVEL * np.sqrt(np.diag(fit.covariance))
     around = lambda value, half: Estimate(float(value), float(value - half), float(value + half))
     rows = tuple(
         (around(gear.table.order[k], _LEVEL * e.order_sigma[k]), around(gear.table.a[k], sigma[k]),
          around(gear.table.b[k], sigma[m + k]), Quantity(float(np.hypot(gear.table.a[k], gear.table.b[k]))))
-        for k in range(m)
-    )
+        for k in range(m))
     note = (
         "u = ratio (1 + sum a cos(order phi) - b sin(order phi)); estimates with 95 % intervals, relative to "
-        "the ratio."
-    )
+        "the ratio.")
     return (*figures,
             Table(f"Harmonics, {title}", ("order per output revolution", "a", "b", "amplitude"), rows, note))
 

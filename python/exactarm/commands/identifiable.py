@@ -13,6 +13,7 @@ import numpy as np
 
 from exactarm.chain import Layout
 from exactarm.commands.arguments import add_files, add_fixture, add_robot
+from exactarm.commands.calibrate import dropped_table
 from exactarm.commands.call import AnyRobot, arguments_of, asked, files_of, robot_of, threads_of
 from exactarm.commands.output import PICTURES
 from exactarm.commands.planning_arguments import (
@@ -34,7 +35,7 @@ from exactarm.design.joint_limits import beyond_limits
 from exactarm.design.pose_space import PoseSpace
 from exactarm.effects.parameter_id import Group, ParameterId
 from exactarm.errors import InputError
-from exactarm.first_aid.mismatch import with_cause
+from exactarm.first_aid.first_aid import with_cause
 from exactarm.identify.closure_fit import Pulls, expected_deviations
 from exactarm.identify.closure_scale import gravity_alone, scale_is_known
 from exactarm.identify.closures import (
@@ -88,10 +89,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_noise(parser)
 
 
-def identifiable(
-    robot: AnyRobot, files: str | Path | Sequence[str | Path] = (), *, seed: int = DEFAULT_SEED,
-    threads: int | None = None, progress: Progress = SILENT, **options: Any,
-) -> CommandResult:
+def identifiable(robot: AnyRobot, files: str | Path | Sequence[str | Path] = (), *, seed: int = DEFAULT_SEED,
+                 threads: int | None = None, progress: Progress = SILENT, **options: Any) -> CommandResult:
     """Which parameters measured or planned poses can show, and how well; without files: random poses.
 
     options: those of `exactarm identifiable --help` with their names (count=200, use="pose", ...).
@@ -119,22 +118,16 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         return _result(robot, check, poses, noise)
     poses = _poses(robot, arguments)
     check = check_model(
-        poses.robot,
-        poses.layout,
+        poses.robot, poses.layout,
         lambda layout: pose_blocks(poses.robot, layout, poses.data, poses.orientation, arguments.threads),
-        keep_first=poses.frame_count,
-        weights=row_weights(poses.orientation, noise),
-        still=still_axes(controller_angles(poses.robot, poses.data)),
-    )
+        keep_first=poses.frame_count, weights=row_weights(poses.orientation, noise),
+        still=still_axes(controller_angles(poses.robot, poses.data)))
     return _result(robot, check, poses, noise)
 
 
 def _result(robot: Robot, check: ModelCheck, poses: _Poses, noise: float) -> CommandResult:
-    return CommandResult(
-        json=_json(check, poses, noise),
-        report=_report(robot, check, poses, noise),
-        tables={"parameters.csv": _parameter_columns(check)},
-    )
+    return CommandResult(json=_json(check, poses, noise), report=_report(robot, check, poses, noise),
+                         tables={"parameters.csv": _parameter_columns(check)})
 
 
 def _touches(robot: Robot, arguments: argparse.Namespace) -> Dataset | None:
@@ -200,18 +193,16 @@ def _limit_warnings(space: PoseSpace) -> tuple[str, ...]:
 
 def _json(check: ModelCheck, poses: _Poses, noise: float) -> dict[str, Any]:
     result = check.identifiability
-    return {
-        "poses": len(poses.data),
-        "noise": noise,
-        "identifiable": result.identifiable,
-        "dropped": [_dropped(entry) for entry in result.dropped],
-        "absent": [_dropped(entry) for entry in check.absent],
-        "gaps": [{"parameter": gap.name, "why": gap.why} for gap in check.gaps],
-        "singular_values": result.singular_values,
-        "condition": result.condition,
-        "observability": result.observability.as_dict(),
-        "warnings": _warnings(check, poses),
-    }
+    return {"poses": len(poses.data),
+            "noise": noise,
+            "identifiable": result.identifiable,
+            "dropped": [_dropped(entry) for entry in result.dropped],
+            "absent": [_dropped(entry) for entry in check.absent],
+            "gaps": [{"parameter": gap.name, "why": gap.why} for gap in check.gaps],
+            "singular_values": result.singular_values,
+            "condition": result.condition,
+            "observability": result.observability.as_dict(),
+            "warnings": _warnings(check, poses)}
 
 
 def _warnings(check: ModelCheck, poses: _Poses) -> list[str]:
@@ -229,13 +220,11 @@ def _parameter_columns(check: ModelCheck) -> dict[str, list[Any]]:
     dropped = {entry.name: entry for entry in result.dropped}
     why = [dropped[name].why if name in dropped else "" for name in result.names]
     collides = ["; ".join(dropped[name].collides_with) if name in dropped else "" for name in result.names]
-    return {
-        "parameter": list(result.names),
-        "identifiable": ["yes" if keep else "no" for keep in result.kept],
-        "standard_deviation": list(_deviations(result)),
-        "collides_with": collides,
-        "why": why,
-    }
+    return {"parameter": list(result.names),
+            "identifiable": ["yes" if keep else "no" for keep in result.kept],
+            "standard_deviation": list(_deviations(result)),
+            "collides_with": collides,
+            "why": why}
 
 
 # -- report ------------------------------------------------------------------------------------------
@@ -244,8 +233,7 @@ def _report(robot: Robot, check: ModelCheck, poses: _Poses, noise: float) -> Rep
     count, total = len(result.identifiable), len(result.names)
     what = "position and orientation" if poses.orientation else "position"
     verdict = (
-        f"{count} of {total} parameters can be identified from the {what} of the target in {poses.words}."
-    )
+        f"{count} of {total} parameters can be identified from the {what} of the target in {poses.words}.")
     sections: list[Section] = [_frame_table(robot, check), _dropped_table(check), _index_table(result)]
     if warnings := _warnings(check, poses):
         sections.append(Warnings(tuple(warnings)))
@@ -273,17 +261,14 @@ def _frame_table(robot: Robot, check: ModelCheck) -> Table:
 
 def _dropped_table(check: ModelCheck) -> Table:
     entries = (*check.identifiability.dropped, *check.absent)
-    rows = tuple((entry.name, entry.why) for entry in entries)
-    return Table("Not identifiable, and why", ("parameter", "why"), rows,
-                 "" if rows else "Everything can be identified.")
+    return dropped_table(entries, "" if entries else "Everything can be identified.",
+                         "Not identifiable, and why")
 
 
 def _index_table(result: Identifiability) -> Table:
     rows = tuple((name, Quantity(value)) for name, value in result.observability.as_dict().items())
-    note = (
-        "Condition number of the identifiable columns, each scaled to unit length: "
-        f"{number(result.condition)}."
-    )
+    note = ("Condition number of the identifiable columns, each scaled to unit length: "
+            f"{number(result.condition)}.")
     return Table("Observability", ("index", "value"), rows, note)
 
 
@@ -294,14 +279,11 @@ def _deviations(result: Identifiability) -> np.ndarray:
 
 def _figure(result: Identifiability) -> Figure:
     return Figure(
-        "singular_values",
-        "Singular values",
+        "singular_values", "Singular values",
         partial(singular_values, result.singular_values, int(np.sum(result.singular_values > 1e-9))),
         "All columns of the stacked identification Jacobian, each scaled to unit length. Those that vanish "
-        "count the "
-        "combinations of parameters that move nothing.",
-        "Singular values in falling order on a logarithmic scale",
-    )
+        "count the combinations of parameters that move nothing.",
+        "Singular values in falling order on a logarithmic scale")
 
 
 def _sigma_table(result: Identifiability, noise: float) -> Table:
@@ -317,14 +299,9 @@ def _sigma_table(result: Identifiability, noise: float) -> Table:
 def _method() -> Text:
     return Text(
         "How it was decided",
-        (
-            "The identification Jacobian of all poses is stacked and its columns scaled to unit length. "
-            "Columns are taken "
-            "in an order of preference (frames of the set-up, geometry, joint offsets, gear ratios, others; "
-            "the axes from "
-            "the base on), and one that is a combination of those taken before it is dropped: these "
-            "parameters collide.",
-            "A parameter whose standard deviation at the stated noise exceeds what is plausible for it is "
-            "dropped as well.",
-        ),
-    )
+        ("The identification Jacobian of all poses is stacked and its columns scaled to unit length. Columns "
+         "are taken in an order of preference (frames of the set-up, geometry, joint offsets, gear ratios, "
+         "others; the axes from the base on), and one that is a combination of those taken before it is "
+         "dropped: these parameters collide.",
+         "A parameter whose standard deviation at the stated noise exceeds what is plausible for it is "
+         "dropped as well."))

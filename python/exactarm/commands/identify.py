@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from exactarm.commands.arguments import add_files, add_robot, add_sessions
+from exactarm.commands.calibrate import dropped_table
 from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, threads_of
 from exactarm.commands.error_sections import SETS, error_table, highlights, parameter_table, unit_of
+from exactarm.commands.load_section import with_payload_section
 from exactarm.commands.memory import within_memory
 from exactarm.commands.next_steps import next_steps
 from exactarm.commands.output import PICTURES, ROBOT_FILES
-from exactarm.commands.payload_section import with_payload_section
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.steps import CHECKING, READING, STEPS
 from exactarm.commands.suspicions import suspicions
@@ -58,12 +59,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="keep masses and rotors as declared, estimate Coulomb and viscous friction")
 
 
-def identify(
-    robot: AnyRobot, data: AnyData, *, bandwidth_hz: float | None = None, share: float = 0.7,
-    friction_only: bool = False,
-    seed: int = DEFAULT_SEED, threads: int | None = None, kind: str | None = None,
-    sessions: str | Path | None = None, progress: Progress = SILENT,
-) -> CommandResult:
+def identify(robot: AnyRobot, data: AnyData, *, bandwidth_hz: float | None = None, share: float = 0.7,
+             friction_only: bool = False,
+             seed: int = DEFAULT_SEED, threads: int | None = None, kind: str | None = None,
+             sessions: str | Path | None = None, progress: Progress = SILENT) -> CommandResult:
     """Identifies inertial parameters, rotors and friction from motions with torques or currents.
 
     bandwidth_hz: low-pass on measurement and prediction (None: 20 Hz, none for slow logs). share: part of the
@@ -78,8 +77,7 @@ def identify(
     rows = require_motion(data_of(data, declared, kind, sessions=sessions, weighs=(MOTION.name,)))
     options = DynamicsOptions(
         bandwidth_hz=_bandwidth(bandwidth_hz), share=_share(share), inertial=not friction_only, seed=seed,
-        threads=threads_of(threads),
-    )
+        threads=threads_of(threads))
     progress.stage(CHECKING)
     within_memory("identify", MOTION.name, rows)
     with suspicions(declared, rows) as found:
@@ -90,18 +88,14 @@ def identify(
         robot=result.robot,
         tables={"residuals.csv": residual_table(result)},
         asked=asked("identify", robot, rows, seed, given,
-                    {"bandwidth_hz": None, "share": 0.7, "friction_only": False}),
-    ).warned(found)
+                    {"bandwidth_hz": None, "share": 0.7, "friction_only": False})).warned(found)
     return with_payload_section(made, result.payloads, "The links are those without it.")
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:
-    return identify(
-        arguments.robot, arguments.files, bandwidth_hz=arguments.bandwidth, share=arguments.share,
-        friction_only=arguments.friction_only, seed=arguments.seed, threads=arguments.threads,
-        kind=arguments.kind, sessions=arguments.sessions,
-        progress=arguments.progress,
-    )
+    return identify(arguments.robot, arguments.files, bandwidth_hz=arguments.bandwidth, share=arguments.share,
+                    friction_only=arguments.friction_only, seed=arguments.seed, threads=arguments.threads,
+                    kind=arguments.kind, sessions=arguments.sessions, progress=arguments.progress)
 
 
 def require_motion(data: Dataset) -> Dataset:
@@ -147,8 +141,7 @@ def _json(result: DynamicsIdentification) -> dict[str, Any]:
         "noise_Nm": {f"axis_{axis + 1}": float(s) for axis, s in zip(result.fit.axes, result.fit.sigma)},
         "bandwidth_hz": result.records["identification"].bandwidth_hz,
         "converged": result.fit.fit.converged,
-        "warnings": list(result.warnings),
-    }
+        "warnings": list(result.warnings)}
 
 
 def residual_table(result: DynamicsIdentification) -> dict[str, Any]:
@@ -165,45 +158,31 @@ def residual_table(result: DynamicsIdentification) -> dict[str, Any]:
 
 
 def _report(robot: Robot, result: DynamicsIdentification, rule: str) -> Report:
-    summaries = {
-        when: {name: summarise(np.abs(residual.get(name, np.zeros(0))).ravel()) for name in SETS}
-        for when, residual in (("before", result.before), ("after", result.after))
-    }
+    summaries = {when: {name: summarise(np.abs(residual.get(name, np.zeros(0))).ravel()) for name in SETS}
+                 for when, residual in (("before", result.before), ("after", result.after))}
     judge = "validation" if summaries["after"]["validation"].n else "identification"
     before, after = summaries["before"][judge], summaries["after"][judge]
     who = "motion that was never fitted" if judge == "validation" else "the fitted motion (none was held out)"
     verdict = (
-        f"The RMS error of the drive torque on {who} {change(before.rms, after.rms, 'Nm')} over all axes."
-    )
+        f"The RMS error of the drive torque on {who} {change(before.rms, after.rms, 'Nm')} over all axes.")
     cost = float(np.sqrt(np.mean(result.unconstrained[judge] ** 2)))
     if result.inertial:
-        verdict += (
-            " The links are physically consistent; without that constraint it would be "
-            f"{quantity(cost, 'Nm')}."
-        )
+        verdict += (" The links are physically consistent; without that constraint it would be "
+                    f"{quantity(cost, 'Nm')}.")
     band = result.records["identification"].bandwidth_hz
     note = "Before: the robot file as it is. " + rule
     note += f" Measured and predicted torque passed the same low-pass at {band:.3g} Hz." if band else ""
     return Report(
-        f"Dynamics of {robot.name}",
-        verdict,
-        (
-            highlights(summaries["before"], summaries["after"], "Nm"),
-            next_steps(robot, MOTION, before.rms, after.rms),
-            error_table(summaries["before"], summaries["after"], "Nm", "Torque error", note),
-            _axis_table(result, judge),
-            *_bodies(result),
-            _figure(result, judge),
-            _parameters(robot, result),
-            _groups(result),
-            Table("Not identified", ("parameter", "why"),
-                  tuple((entry.name, entry.why) for entry in result.dropped),
-                  "Friction and rotors keep their declared values; inertial parameters follow the bodies "
-                  "that the links are drawn to."),
-            Warnings(result.warnings),
-        ),
-        "good" if after.rms < before.rms else "caution",
-    )
+        f"Dynamics of {robot.name}", verdict,
+        (highlights(summaries["before"], summaries["after"], "Nm"),
+         next_steps(robot, MOTION, before.rms, after.rms),
+         error_table(summaries["before"], summaries["after"], "Nm", "Torque error", note),
+         _axis_table(result, judge), *_bodies(result), _figure(result, judge), _parameters(robot, result),
+         _groups(result),
+         dropped_table(result.dropped, "Friction and rotors keep their declared values; inertial parameters "
+                       "follow the bodies that the links are drawn to."),
+         Warnings(result.warnings)),
+        "good" if after.rms < before.rms else "caution")
 
 
 def _axis_table(result: DynamicsIdentification, judge: str) -> Table:
@@ -212,8 +191,7 @@ def _axis_table(result: DynamicsIdentification, judge: str) -> Table:
     rows: tuple[tuple[Cell, ...], ...] = tuple(
         (f"axis {axis + 1}", *(Quantity(float(value), "Nm") for value in values))
         for axis, *values in zip(result.fit.axes, np.sqrt(np.mean(torque**2, axis=0)), rms(result.before),
-                                 rms(result.after))
-    )
+                                 rms(result.after)))
     return Table(f"Axes, {judge}", ("", "RMS of the torque", "RMS error before", "RMS error after"), rows)
 
 
@@ -247,8 +225,7 @@ def _figure(result: DynamicsIdentification, judge: str) -> Figure:
     return Figure(
         "torque", f"Torque of every axis ({judge})",
         partial(curves_per_axis, record.data.sample_times[rows], traces, unit="Nm", name="torque"),
-        "Measured, as the identified model has it, and the difference.", "torque of every axis over time",
-    )
+        "Measured, as the identified model has it, and the difference.", "torque of every axis over time")
 
 
 def _parameters(robot: Robot, result: DynamicsIdentification) -> Table:

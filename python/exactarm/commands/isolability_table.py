@@ -1,7 +1,5 @@
 """Which causes a planned set of poses could tell, as a table, as columns and in result.json."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm.diagnose.isolability import CLEAR, Isolability
@@ -20,9 +18,8 @@ def isolability_table(causes: Isolability, noise_mm: float) -> Table:
     told = int(np.sum((causes.seen >= CLEAR) & (causes.least >= CLEAR)))
     hidden = int(np.sum(causes.seen < CLEAR))
     note = (f"In standard deviations, for causes of plausible size and a noise of {noise_mm:g} mm a "
-            f"coordinate. {told} of "
-            f"{len(causes.seen)} causes would be told from all others; {hidden} would not show (below "
-            f"{CLEAR:g}). All pairs: isolability.csv.")
+            f"coordinate. {told} of {len(causes.seen)} causes would be told from all others; {hidden} would "
+            f"not show (below {CLEAR:g}). All pairs: isolability.csv.")
     return Table("Causes that these poses cannot tell apart", ("cause", "seen", "most like it", "apart"),
                  rows or (("none of those that show", "", "", ""),), note)
 
@@ -39,5 +36,4 @@ def isolability_json(causes: Isolability) -> list[dict]:
     return [
         {"effect": effect.name, "joint": effect.joint, "seen": float(seen),
          "most_like": causes.titles[nearest], "apart": float(least)}
-        for effect, seen, nearest, least in zip(causes.effects, causes.seen, causes.nearest, causes.least)
-    ]
+        for effect, seen, nearest, least in zip(causes.effects, causes.seen, causes.nearest, causes.least)]

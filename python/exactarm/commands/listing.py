@@ -1,7 +1,5 @@
 """Which commands there are, read from the files of a package without importing them."""
 
-from __future__ import annotations
-
 import ast
 import functools
 import importlib
@@ -36,8 +34,7 @@ def _string_literals(path: Path) -> dict[str, str]:
     with _PARSING:
         tree = ast.parse(path.read_text(encoding="utf-8"))
     for node in tree.body:
-        if isinstance(node, ast.Assign) and isinstance(node.value,
-                                                       ast.Constant) and isinstance(node.value.value, str):
-            literals.update({target.id: node.value.value for target in node.targets
-                             if isinstance(target, ast.Name)})
+        text = getattr(getattr(node, "value", None), "value", None)
+        if isinstance(node, ast.Assign) and isinstance(text, str):
+            literals |= {target.id: text for target in node.targets if isinstance(target, ast.Name)}
     return literals

@@ -6,8 +6,6 @@ frame (where the drawing's base frame was found), and the error is that of the m
 frames of two estimated models need not coincide, what the tracker sees does.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass, replace
 from functools import partial
@@ -117,12 +115,10 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         rounds.append(_execute(name, model, drawn, virtual, path, arguments.threads))
         arguments.progress.step(note=name)
     return CommandResult(
-        json=_json(rounds, diagnosis),
-        report=_report(robot, path, rounds, diagnosis, hidden),
+        json=_json(rounds, diagnosis), report=_report(robot, path, rounds, diagnosis, hidden),
         robot=diagnosis.robot,
         tables={"tracking.csv": {f"error_{r.name.replace(' ', '_')}_m": r.error for r in rounds}},
-        texts={"truth.toml": robot_text(virtual.true)},
-    )
+        texts={"truth.toml": robot_text(virtual.true)})
 
 
 def _measure(virtual: VirtualRobot, arguments, random: np.random.Generator) -> Dataset:
@@ -139,8 +135,7 @@ def _framed(robot: Robot, data: Dataset) -> Robot:
 
 def _execute(name: str, model: Robot, drawn: Robot, virtual: VirtualRobot, path: PlannedPath,
              threads: int) -> _Round:
-    """Plans with `model` so that its target follows the path of the drawing's target, and executes it for
-    real."""
+    """Plans with `model` so that its target follows the path of the drawing's, and executes it for real."""
     desired = path.reference()
     here, there = base_in_device(model.base, model.controller), base_in_device(drawn.base, drawn.controller)
     turn = here.rotation.T @ there.rotation
@@ -172,13 +167,11 @@ def _quaternion(rotation: np.ndarray) -> np.ndarray:
 
 
 def _json(rounds: list[_Round], diagnosis: Diagnosis) -> dict:
-    return {
-        "rounds": [{"name": r.name, "tracking": r.summary.to_json()} for r in rounds],
-        "verdict": diagnosis.verdict,
-        "sentence": diagnosis.sentence,
-        "effects": [{"effect": f.effect.name, "joint": f.effect.joint, "probability": f.probability}
-                    for f in diagnosis.findings],
-    }
+    return {"rounds": [{"name": r.name, "tracking": r.summary.to_json()} for r in rounds],
+            "verdict": diagnosis.verdict,
+            "sentence": diagnosis.sentence,
+            "effects": [{"effect": f.effect.name, "joint": f.effect.joint, "probability": f.probability}
+                        for f in diagnosis.findings]}
 
 
 def _report(robot: Robot, path: PlannedPath, rounds: list[_Round], diagnosis: Diagnosis,
@@ -187,16 +180,14 @@ def _report(robot: Robot, path: PlannedPath, rounds: list[_Round], diagnosis: Di
     drawn, calibrated, diagnosed = quantities([r.summary.rms for r in rounds], "m")
     verdict = (
         f"On the path '{path.name}' the target of the virtual {robot.name} misses by {drawn} RMS as drawn, "
-        f"by {calibrated} calibrated and by {diagnosed} diagnosed."
-    )
+        f"by {calibrated} calibrated and by {diagnosed} diagnosed.")
     rows = tuple((r.name, *(Quantity(getattr(r.summary, f), "m") for f in ("mean", "rms", "max")))
                  for r in rounds)
     time = np.linspace(0.0, path.duration, len(first.error))
     return Report(f"The loop closed on {robot.name}", verdict, (
         Highlights(tuple(Highlight(r.name, Quantity(r.summary.rms, "m")) for r in rounds)),
         Table("Error of the target along the path", ("planned with the robot", "mean", "RMS", "maximum"),
-              rows,
-              "Executed on the true robot with its hidden cause; springs swing."),
+              rows, "Executed on the true robot with its hidden cause; springs swing."),
         Figure("tracking", "Error along the path",
                partial(curves, time, {r.name: r.error for r in rounds}, unit="m", name="error of the target",
                        log_y=True),
@@ -205,6 +196,5 @@ def _report(robot: Robot, path: PlannedPath, rounds: list[_Round], diagnosis: Di
         Table("What was hidden, and what was found", ("", "effect", "in words"), (
             *((what, effect.title, with_prefixes(effect.describe_on(robot))) for what, effects in (
                 ("hidden", hidden), ("found", [found.effect for found in diagnosis.findings])
-            ) for effect in effects),
-        ), "The diagnosis saw the measured poses only."),
+            ) for effect in effects),), "The diagnosis saw the measured poses only."),
     ), "good" if last.summary.rms <= middle.summary.rms else "caution")

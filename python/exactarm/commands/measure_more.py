@@ -6,8 +6,6 @@ temperature and place are visited again. Words alone: the experiment is the usua
 (which poses part two named causes: `diagnose/next_*.py`).
 """
 
-from __future__ import annotations
-
 from scipy import special
 
 from exactarm.data.kinds import kind_of
@@ -51,11 +49,9 @@ _AT_REST = (
     ((TRAVEL,),
      "drive axis {axis} alone along its way in steps of a hundredth, in two postures of the others: what its"
      " guide does then shows by itself"),
-    ((POSITION, PLACE),
-     "{elsewhere}: what stays with the device is not the arm's"),
+    ((POSITION, PLACE), "{elsewhere}: what stays with the device is not the arm's"),
     ((TIME, ORDER),
-     "visit five of the poses again every quarter of an hour: what changes with time shows there"),
-)
+     "visit five of the poses again every quarter of an hour: what changes with time shows there"))
 _IN_MOTION = (
     ((DIRECTION, SPEED),
      "move axis {axis} alone to and fro, at three constant speeds from slow to fast: friction and play "
@@ -65,14 +61,12 @@ _IN_MOTION = (
      "itself"),
     ((TRAVEL,),
      "move axis {axis} alone along its way, slowly, both ways: what its guide does then shows by itself"),
-    ((LOAD,),
-     "repeat the motion with a known payload: what hangs on the load of axis {axis} grows with it"),
+    ((LOAD,), "repeat the motion with a known payload: what hangs on the load of axis {axis} grows with it"),
     ((ACCELERATION,),
      "play the same motion at half the speed: inertia and delays fall with it, friction and gears stay"),
     ((POSITION, PLACE), "{elsewhere}: what stays with the device is not the arm's"),
     ((TIME,),
-     "play the same motion cold, and after half an hour of work: what warms up shows in the difference"),
-)
+     "play the same motion cold, and after half an hour of work: what warms up shows in the difference"))
 _WANDERS = (
     "see that nothing moved (base, device, reflector), and visit one pose again after every ten others: "
     "drift and jumps show there by themselves")
@@ -84,11 +78,9 @@ _ELSEWHERE = {
     Device.CONTACT: "touch at another place of the fixture",
 }
 _OTHER = "record the same once more with another {signal}: what follows it shows in the difference"
-_NOTHING = (
-    "visit five poses ten times each: if they scatter as much as the error that is left, it is the "
-    "device; if not, it is the arm, and more poses are needed",
-    "record the same motion three times: what repeats is the arm, what does not is the sensor",
-)
+_NOTHING = ("visit five poses ten times each: if they scatter as much as the error that is left, it is the "
+            "device; if not, it is the arm, and more poses are needed",
+            "record the same motion three times: what repeats is the arm, what does not is the sensor")
 _WORTH_A_WORD, _CHANCE = 1.2, 0.01  # ratio of two errors, and how often chance alone makes one as large
 _FEW_ROWS = {
     True: "measure as many poses again, elsewhere in the work space",

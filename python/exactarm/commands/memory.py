@@ -6,8 +6,6 @@ that many, evenly spread over the sessions, and says so: more rows of the same p
 change nothing else. A command that the system would kill is refused with the number of rows that fit.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -60,18 +60,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_map(parser, "columns")
 
 
-def merge(
-    robot: AnyRobot,
-    joints: str | Path,
-    points: str | Path,
-    *,
-    by: str | None = None,
-    unit: str | None = None,
-    layout: str | None = None,
-    group: Sequence[str] = (),
-    columns: Mapping[str, str] | None = None,
-    seed: int = DEFAULT_SEED,
-) -> CommandResult:
+def merge(robot: AnyRobot, joints: str | Path, points: str | Path, *, by: str | None = None,
+          unit: str | None = None, layout: str | None = None, group: Sequence[str] = (),
+          columns: Mapping[str, str] | None = None, seed: int = DEFAULT_SEED) -> CommandResult:
     """One table of poses from a tracker's points (text) and a log of joint angles, by the names of the points
     or row by row; `.data` holds it for the next command. Nothing in it is random: `seed` is recorded."""
     arm, wanted = robot_of(robot), [group] if isinstance(group, str) else list(group)
@@ -92,25 +83,19 @@ def merge(
                  {"by": None, "unit": None, "layout": None, "group": [], "columns": None})
     files = tuple(Source(str(path), sha256(path)) for path in (joints, points))
     line = call.line.replace(", ", f", {str(joints)!r}, {str(points)!r}, ", 1)
-    return CommandResult(
-        json=_json(merged, told),
-        report=_report(arm, data, merged, told),
-        tables={FILE: table},
-        data=data,
-        asked=replace(call, line=line, files=(*call.files, *files)),
-    )
+    return CommandResult(json=_json(merged, told), report=_report(arm, data, merged, told),
+                         tables={FILE: table}, data=data,
+                         asked=replace(call, line=line, files=(*call.files, *files)))
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:
     return merge(
         arguments.robot, arguments.joints, arguments.points, by=arguments.by, unit=arguments.unit,
-        layout=arguments.layout, group=arguments.group, columns=dict(arguments.columns), seed=arguments.seed,
-    )
+        layout=arguments.layout, group=arguments.group, columns=dict(arguments.columns), seed=arguments.seed)
 
 
-def _maps(
-    joints: str | Path, points: str | Path, given: Mapping[str, str], layout: str | None
-) -> tuple[dict[str, str], dict[str, str]]:
+def _maps(joints: str | Path, points: str | Path, given: Mapping[str, str],
+          layout: str | None) -> tuple[dict[str, str], dict[str, str]]:
     """Those of the file of points, those of the log."""
     headed = header_names(points) if layout is None else []
     known = column_names(joints) if given else []
@@ -127,15 +112,13 @@ def _by_row(log: Dataset, found: Points, joints: str | Path, points: str | Path)
     if len(log) != len(found.names):
         raise InputError(
             f"{len(found.names)} points, but {joints} has {len(log)} rows; expected as many, or a column "
-            "`name` in both to tell which belong together", file=points,
-        )
+            "`name` in both to tell which belong together", file=points)
     rows = np.arange(len(log))
     return _Merged(rows, rows, "row")
 
 
-def _by_name(
-    log: Dataset, text: Mapping[str, list[str]], found: Points, joints: str | Path, points: str | Path
-) -> _Merged:
+def _by_name(log: Dataset, text: Mapping[str, list[str]], found: Points, joints: str | Path,
+             points: str | Path) -> _Merged:
     if "name" not in text:
         raise InputError("column missing; expected the names of the points", file=joints, column="name")
     if not any(found.names):
@@ -152,8 +135,7 @@ def _by_name(
                 f"point {name!r} is on line {found.lines[other]} too"
                 + (f", in group {found.groups[other]}; expected --group, or a column `group` in {joints}"
                    if apart else "; expected each name once"),
-                file=points, line=int(found.lines[i]),
-            )
+                file=points, line=int(found.lines[i]))
         places[key] = i
     seen: dict[tuple[str, str], int] = {}
     for row, key in enumerate(keys):
@@ -165,12 +147,10 @@ def _by_name(
     if not rows:
         raise InputError(f"none of the names of {joints} (as {keys[0][1]!r}) is a point's (as "
                          f"{found.names[0]!r})", file=points)
-    return _Merged(
-        np.array(rows), np.array([places[keys[row]] for row in rows]), "name",
-        tuple(key[1] for key in keys if key not in places),
-        tuple(name for group, name in zip(found.groups, found.names)
-              if (group if grouped else "", name) not in seen),
-    )
+    return _Merged(np.array(rows), np.array([places[keys[row]] for row in rows]), "name",
+                   tuple(key[1] for key in keys if key not in places),
+                   tuple(name for group, name in zip(found.groups, found.names)
+                         if (group if grouped else "", name) not in seen))
 
 
 def _table(arm: Robot, log: Dataset, found: Points, merged: _Merged) -> dict[str, Column]:
@@ -225,13 +205,10 @@ def _report(arm: Robot, data: Dataset, merged: _Merged, told: Sequence[str]) -> 
         f"Poses of {arm.name}",
         f"{len(data)} poses are written to {FILE}, merged by {merged.by}"
         + (f"; {lost} have no counterpart." if lost else "."),
-        (
-            Warnings(_warnings(merged)),
-            Highlights((Highlight("poses", Quantity(len(data), "", exact=True)),)),
-            Text("What was read", tuple(f"{line}." for line in told)),
-            Table("Extent of the points", ("", "from the lowest to the highest"),
-                  tuple((axis, Quantity(float(value), "m")) for axis, value in zip("xyz", spread)),
-                  "In the frame in which they were exported. A wrong unit or two swapped columns show here."),
-        ),
-        "caution" if lost else "plain",
-    )
+        (Warnings(_warnings(merged)),
+         Highlights((Highlight("poses", Quantity(len(data), "", exact=True)),)),
+         Text("What was read", tuple(f"{line}." for line in told)),
+         Table("Extent of the points", ("", "from the lowest to the highest"),
+               tuple((axis, Quantity(float(value), "m")) for axis, value in zip("xyz", spread)),
+               "In the frame in which they were exported. A wrong unit or two swapped columns show here.")),
+        "caution" if lost else "plain")

@@ -1,7 +1,5 @@
 """How far the identified model itself is to be trusted at the joint angles of a plan or a program."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm.report import Highlight, Quantity, Text

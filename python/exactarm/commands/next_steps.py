@@ -4,8 +4,6 @@ copy, which reads the files that the run has written.
 A paragraph that is one `command` alone is such a line; it stands on a line of its own, as long as it is.
 """
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -39,8 +37,7 @@ def to_improve(kind: Kind) -> Text:
     fit = _FITTED_BY.get(kind.device, "calibrate")
     return Text(HEADING, (
         f"If this is more than your work allows, run `exactarm {fit}` and `exactarm diagnose` with other "
-        f"{kind.rows}; keep these to judge by.",
-    ))
+        f"{kind.rows}; keep these to judge by.",))
 
 
 def next_steps(robot: Robot, kind: Kind, before: float, after: float, worse: bool = False) -> Text:
@@ -66,26 +63,21 @@ def after_check(unexplained: bool, base: bool = False, one_day: bool = False) ->
     the last day tells of it."""
     again = (
         "One day alone tells of it: measure the poses once more before anything else. A day of larger noise "
-        "looks alike.",
-    ) if one_day else ()
+        "looks alike.",) if one_day else ()
     if unexplained:
         return Text(HEADING, (
             *again,
             "Measure some fifty poses and run `exactarm diagnose`: it tells what these few poses cannot. "
-            "Until then the robot file is not to be trusted.",
-        ))
+            "Until then the robot file is not to be trusted."))
     anew = (
         "If the instrument was set up anew, give the files of these days a column `session` with a number "
-        "that BEFORE does not have.",
-    ) if base else ()
+        "that BEFORE does not have.",) if base else ()
     return Text(HEADING, (
-        *again,
-        *anew,
+        *again, *anew,
         "See what happened: a collision, a belt that slipped or new mastering moves a zero; a push moves the "
         "base or the instrument; mounting the target anew moves the tool.",
         "If it is the arm, measure some fifty poses and `exactarm calibrate` anew. Then measure BEFORE "
-        "again: all later days are compared with it.",
-    ))
+        "again: all later days are compared with it."))
 
 
 # -- lines to copy -----------------------------------------------------------------------------------------
@@ -134,8 +126,7 @@ def _plan(run: _Run) -> Sequence[str]:
         "Play it on a virtual robot before the real one drives it:",
         run.line("played", "simulate", run.robot, run.written(next(iter(run.result.tables)))),
         *(() if run.result.texts else ("The real one takes the joint angles in the words of its controller: "
-                                       "`exactarm plan` with `--send`.",)),
-    )
+                                       "`exactarm plan` with `--send`.",)))
 
 
 def _simulate(run: _Run) -> Sequence[str]:
@@ -146,10 +137,8 @@ def _simulate(run: _Run) -> Sequence[str]:
     kind = kind_of(run.result.data.kind)
     command = "diagnose" if "tracked.csv" in run.result.tables else _FITTED_BY.get(kind.device, "calibrate")
     fixture = ["--fixture", run.written("fixture.toml")] if "fixture.toml" in run.result.texts else []
-    return (
-        "The rows are read as measured ones are. To see what a method finds of the truth:",
-        run.line(command, command, run.robot, run.written(next(iter(run.result.tables))), *fixture),
-    )
+    return ("The rows are read as measured ones are. To see what a method finds of the truth:",
+            run.line(command, command, run.robot, run.written(next(iter(run.result.tables))), *fixture))
 
 
 def _design(run: _Run) -> Sequence[str]:
@@ -162,8 +151,7 @@ def _design(run: _Run) -> Sequence[str]:
         run.line("rehearsed", "simulate", run.robot, run.written("poses.csv"), "--measure",
                  POSES.measured_as),
         "Then drive to the poses of `poses.csv`, write what the tracker shows into columns `x_mm`, `y_mm`, "
-        f"`z_mm` beside the angles, and run `exactarm calibrate {run.robot} MEASURED.csv`.",
-    )
+        f"`z_mm` beside the angles, and run `exactarm calibrate {run.robot} MEASURED.csv`.")
 
 
 def _identifiable(run: _Run) -> Sequence[str]:
@@ -173,11 +161,9 @@ def _identifiable(run: _Run) -> Sequence[str]:
 
 
 def _certify(run: _Run) -> Sequence[str]:
-    return (
-        "Keep the certificate with the arm. A few poses a day tell when it no longer holds "
-        "(`exactarm check`; five are enough). Poses that show every parameter:",
-        run.line("daily", "design", run.robot, "--count", str(DAILY_POSES), "--validation", "0"),
-    )
+    return ("Keep the certificate with the arm. A few poses a day tell when it no longer holds "
+            "(`exactarm check`; five are enough). Poses that show every parameter:",
+            run.line("daily", "design", run.robot, "--count", str(DAILY_POSES), "--validation", "0"))
 
 
 def _compensate(run: _Run) -> Sequence[str]:
@@ -187,8 +173,7 @@ def _compensate(run: _Run) -> Sequence[str]:
     return (
         *(["See what has changed; only numbers have:", f"`{changed}`"] if name else []),
         "Drive the corrected program slowly at first: clearances were not checked. Then measure some of its "
-        f"poses and run `exactarm evaluate {run.robot} NEW.csv`.",
-    )
+        f"poses and run `exactarm evaluate {run.robot} NEW.csv`.")
 
 
 def _check(run: _Run) -> Sequence[str]:

@@ -1,7 +1,5 @@
 """What a command computed, and what was asked of it: plain values, which are then published or looked at."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

@@ -40,8 +40,7 @@ ROBOT_FILES = ("robot.toml", "robot.urdf")
 
 
 def may_write(module: Any, arguments: argparse.Namespace) -> list[str]:
-    """Names (patterns of fnmatch) that a command may write: its `WRITES`, a tuple, or a function of its
-    arguments."""
+    """Names (patterns of fnmatch) that a command may write: its `WRITES`, or what that makes of arguments."""
     own = getattr(module, "WRITES", ())
     return [*ALWAYS, *(own(arguments) if callable(own) else own)]
 
@@ -166,8 +165,7 @@ class OutputFolder:
                                  "--out", file=target)
 
     def _leave_pictures_of_others(self) -> None:
-        """Pictures of which a file that no run has written has the name get a number; the page has them
-        inside."""
+        """Pictures whose name a file has that no run has written get a number; the page has them inside."""
         own = self._written()
         taken = lambda name: os.path.lexists(self.path / name) and (
             str(name) not in own or (self.path / name).is_dir())

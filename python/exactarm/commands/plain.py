@@ -1,7 +1,5 @@
 """Values in JSON's own types, and what is told of a file that was read."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Mapping

@@ -47,9 +47,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("path", metavar="PATH", help="path file (.toml), or line or spiral")
     parser.add_argument("--rate", metavar="HZ", type=float,
                         help="samples a second (default: that of the path)")
-    parser.add_argument("--duration", metavar="S", type=float, help="duration in s (default: that of the "
-                                                                    "path); stretches the times of "
-                                                                    "via-points too")
+    parser.add_argument("--duration", metavar="S", type=float,
+                        help="duration in s (default: that of the path); "
+                             "stretches the times of via-points too")
     parser.add_argument("--nu", type=float, help="weight of the input (default: that of the path)")
     for key, options in CHOICES.items():
         parser.add_argument(f"--{key.replace('_', '-')}", choices=options, help="instead of the path's own")
@@ -61,18 +61,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="also in the words of a controller: joint angles as it reports them")
 
 
-def plan(
-    robot: AnyRobot, path: str | Path | PlannedPath, *, rate_hz: float | None = None,
-    duration_s: float | None = None,
-    nu: float | None = None, gear_direction: str | None = None, input: str | None = None,
-    solver: str | None = None,
-    linear_solver: str | None = None, start_rad: Sequence[float] | np.ndarray | None = None,
-    format: Literal["csv", "parquet"] = "csv",
-    send: Literal["joint_trajectory", "servoj", "krl", "csv", "pulses"] | None = None,
-    seed: int = DEFAULT_SEED,
-    threads: int | None = None,
-    progress: Progress = SILENT,
-) -> CommandResult:
+def plan(robot: AnyRobot, path: str | Path | PlannedPath, *, rate_hz: float | None = None,
+         duration_s: float | None = None, nu: float | None = None, gear_direction: str | None = None,
+         input: str | None = None, solver: str | None = None, linear_solver: str | None = None,
+         start_rad: Sequence[float] | np.ndarray | None = None, format: Literal["csv", "parquet"] = "csv",
+         send: Literal["joint_trajectory", "servoj", "krl", "csv", "pulses"] | None = None,
+         seed: int = DEFAULT_SEED, threads: int | None = None, progress: Progress = SILENT) -> CommandResult:
     """Plans the motor motion that keeps the flange on a path: `line`, `spiral`, a path file or a PlannedPath.
 
     None: as the path says. send: also as a file for a controller. start_rad: joint angles near the first
@@ -98,25 +92,20 @@ def plan(
     radius = model_uncertainty(declared, thinned(result.q_desired), threads_of(threads))
     file = [] if isinstance(path, PlannedPath) or str(path) in shipped_paths() else [Path(path)]
     name = follow.name if isinstance(path, PlannedPath) else str(path)
-    return CommandResult(
-        json=_json(result) | {"model_uncertainty": trust_json(radius)},
-        report=_report(declared, result, radius, send),
-        tables={f"trajectory.{format}": trajectory_table(result)},
-        texts={} if send is None else {FILES[send]: sent_text(send, declared, result)},
-        inputs=tuple(file),
-        asked=asked("plan", robot, None, seed,
-                    {"path": name} | {k: v for k, v in changed.items() if v is not None}),
-    )
+    return CommandResult(json=_json(result) | {"model_uncertainty": trust_json(radius)},
+                         report=_report(declared, result, radius, send),
+                         tables={f"trajectory.{format}": trajectory_table(result)},
+                         texts={} if send is None else {FILES[send]: sent_text(send, declared, result)},
+                         inputs=tuple(file),
+                         asked=asked("plan", robot, None, seed,
+                                     {"path": name} | {k: v for k, v in changed.items() if v is not None}))
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:
-    return plan(
-        arguments.robot, arguments.path, rate_hz=arguments.rate, duration_s=arguments.duration,
-        nu=arguments.nu,
-        **{key: getattr(arguments, key) for key in CHOICES}, start_rad=_start(arguments.start),
-        format=arguments.format, send=arguments.send,
-        seed=arguments.seed, threads=arguments.threads, progress=arguments.progress,
-    )
+    return plan(arguments.robot, arguments.path, rate_hz=arguments.rate, duration_s=arguments.duration,
+                nu=arguments.nu, **{key: getattr(arguments, key) for key in CHOICES},
+                start_rad=_start(arguments.start), format=arguments.format, send=arguments.send,
+                seed=arguments.seed, threads=arguments.threads, progress=arguments.progress)
 
 
 def _path(given: str | Path | PlannedPath, rate_hz: float | None, duration_s: float | None, nu: float | None,
@@ -135,8 +124,7 @@ def _path(given: str | Path | PlannedPath, rate_hz: float | None, duration_s: fl
     samples = path.duration * path.rate_hz + 1.0
     if not 12.0 <= samples <= MOST_SAMPLES:
         raise InputError(f"{samples:.0f} samples at {path.rate_hz:g} Hz in {path.duration:g} s: expected 12 "
-                         f"to {MOST_SAMPLES}; "
-                         "change --rate or --duration")
+                         f"to {MOST_SAMPLES}; change --rate or --duration")
     return path
 
 
@@ -169,8 +157,7 @@ def _json(plan: Plan) -> dict[str, Any]:
                       for instant, _ in reversals(plan.time, column)[1]],
         "passage_s": TRANSITION_S,
         "compensated": list(plan.compensated),
-        "warnings": list(plan.warnings),
-    }
+        "warnings": list(plan.warnings)}
 
 
 def _sent(send: str | None) -> Text:
@@ -186,10 +173,8 @@ def _sent(send: str | None) -> Text:
 def _report(robot: Robot, plan: Plan, radius: np.ndarray | None, send: str | None = None) -> Report:
     tracking, solver = plan.tracking, plan.solver
     verdict = ("On the planner's model the flange keeps to the path within "
-               f"{quantity(tracking.position_max, 'm')} "
-               f"({quantity(tracking.position_rms, 'm')} RMS) at the samples; solved in {solver.iterations} "
-               "iterations "
-               f"and {quantity(solver.seconds, 's')}.")
+               f"{quantity(tracking.position_max, 'm')} ({quantity(tracking.position_rms, 'm')} RMS) at the "
+               f"samples; solved in {solver.iterations} iterations and {quantity(solver.seconds, 's')}.")
     sections: list[Section] = [
         Highlights((Highlight("flange error, RMS", Quantity(tracking.position_rms, "m")),
                     Highlight("flange error, largest", Quantity(tracking.position_max, "m")),
@@ -198,8 +183,7 @@ def _report(robot: Robot, plan: Plan, radius: np.ndarray | None, send: str | Non
         _axis_table(robot, plan),
         Text("Solver", (f"{solver.name} ({solver.linear_solver}): {solver.status} after {solver.iterations} "
                         "iterations; "
-                        f"largest first-order error, computed outside the solver: {solver.kkt_error:.1e}.",)),
-    ]
+                        f"largest first-order error, computed outside the solver: {solver.kkt_error:.1e}.",))]
     if plan.compensated:
         sections.append(Text("Compensated effects", (", ".join(plan.compensated) + ".",)))
     sections += [_sent(send), trust_text(radius, "along the path"), *_figures(robot, plan),
@@ -215,15 +199,12 @@ def _axis_table(robot: Robot, plan: Plan) -> Table:
     acceleration = size * np.abs(plan.theta_ddot / robot.ratios).max(axis=0)
     moves = rate > STANDS * rate.max()
     shown = lambda i, value, named: Quantity(value if moves[i] else None, named)
-    rows = tuple(
-        (str(i + 1), shown(i, float(rate[i]), f"{unit[i]}/s"),
-         shown(i, float(acceleration[i]), f"{unit[i]}/s²"), shown(i, plan.bandwidth[i], "Hz"))
-        for i in range(robot.axes)
-    )
+    rows = tuple((str(i + 1), shown(i, float(rate[i]), f"{unit[i]}/s"),
+                  shown(i, float(acceleration[i]), f"{unit[i]}/s²"), shown(i, plan.bandwidth[i], "Hz"))
+                 for i in range(robot.axes))
     note = (
         f"Output side. Bandwidth: below it lie {100 * ENERGY_SHARE:.0f} % of the energy of the acceleration."
-        + ("" if moves.all() else " An axis that stands still has none.")
-    )
+        + ("" if moves.all() else " An axis that stands still has none."))
     return Table("Axes", ("axis", "largest rate", "largest acceleration", "bandwidth"), rows, note)
 
 
@@ -242,7 +223,5 @@ def _figures(robot: Robot, plan: Plan) -> tuple[Figure, ...]:
                "What the motors do so that the links move smoothly.", "motor and link rates over time"),
         Figure("spectrum", "Spectrum of the motor accelerations",
                partial(curves_per_axis, frequency[1:], {"acceleration": spectrum[1:]}, unit="rad/s²",
-                       name="amplitude",
-                                       x_name="frequency", x_unit="Hz", log_x=True, log_y=True),
-               "Single-sided amplitude of the input, output side.", "spectrum of the input per axis"),
-    )
+                       name="amplitude", x_name="frequency", x_unit="Hz", log_x=True, log_y=True),
+               "Single-sided amplitude of the input, output side.", "spectrum of the input per axis"))

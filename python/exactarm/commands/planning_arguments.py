@@ -1,7 +1,5 @@
 """The arguments of commands that plan measurements: target, unknown frames, kind of measurement, box."""
 
-from __future__ import annotations
-
 import argparse
 import re
 from collections.abc import Sequence
@@ -31,8 +29,7 @@ def add_planning(parser: argparse.ArgumentParser) -> None:
                              "floor, z >= 0)")
     parser.add_argument("--clearance", metavar="M", type=float,
                         help="least distance of flange and target from base column and upper arm in m "
-                             "(default: a tenth "
-                             "of the arm; 0: none)")
+                             "(default: a tenth of the arm; 0: none)")
 
 
 def add_station(parser: argparse.ArgumentParser) -> None:

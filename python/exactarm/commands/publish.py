@@ -1,7 +1,5 @@
 """From a `Outcome` to the files of a run and the text on the terminal."""
 
-from __future__ import annotations
-
 import platform
 import time
 from collections.abc import Callable, Iterable
@@ -78,25 +76,21 @@ def publish(result: Outcome, folder: OutputFolder, started: float, progress: Pro
     folder.write_text("report.html", render_html(report, drawings))
     printed = _print(result.pdf, folder, progress)
     seconds = time.perf_counter() - started
-    common = {
-        "exactarm": exactarm.__version__,
-        "command": asked.command,
-        "robot": asked.robot,
-        "inputs": [{"file": source.path, "sha256": source.sha256, "rows": source.rows}
-                   for source in asked.files],
-        "seed": asked.seed,
-        "seconds": round(seconds, 3),
-        "asked": asked.line,
-    }
+    common = {"exactarm": exactarm.__version__,
+              "command": asked.command,
+              "robot": asked.robot,
+              "inputs": [{"file": source.path, "sha256": source.sha256, "rows": source.rows}
+                         for source in asked.files],
+              "seed": asked.seed,
+              "seconds": round(seconds, 3),
+              "asked": asked.line}
     json = plain(common | dict(result.json) | printed)
     folder.write_result(json)
     folder.publish([source.path for source in asked.files])
     text = render_text(report, width) + f"\n{folder.path}/report.html  ({seconds:.1f} s)\n"
     if printed:
-        text += (
-            f"{folder.path}/{result.pdf}\n" if printed["pdf"]["file"]
-            else f"no PDF: {printed['pdf']['why']}\n"
-        )
+        text += (f"{folder.path}/{result.pdf}\n" if printed["pdf"]["file"]
+                 else f"no PDF: {printed['pdf']['why']}\n")
     return Published(result, json, report, text)
 
 
@@ -133,15 +127,13 @@ def _write_robot(robot: Robot, asked: Asked, made: str, folder: OutputFolder) ->
     from exactarm.robot.urdf import read_urdf, write_urdf
     from exactarm.robot_file import read_robot, write_robot
 
-    told = {
-        "command": asked.command,
-        "exactarm": exactarm.__version__,
-        "date": made,
-        "run": folder.run,
-        "seed": asked.seed,
-        "data": [{"file": source.path, "sha256": source.sha256} for source in asked.files
-                 if source.rows is not None],
-    }
+    told = {"command": asked.command,
+            "exactarm": exactarm.__version__,
+            "date": made,
+            "run": folder.run,
+            "seed": asked.seed,
+            "data": [{"file": source.path, "sha256": source.sha256} for source in asked.files
+                     if source.rows is not None]}
     earlier = {key: value for key, value in robot.record.items() if key in told or key == "previous"}
     own = {key: value for key, value in robot.record.items() if key not in earlier}
     record = own | told | ({"previous": earlier} if earlier else {})
@@ -153,8 +145,7 @@ def _write_robot(robot: Robot, asked: Asked, made: str, folder: OutputFolder) ->
 
 
 def _require_readable(read: Callable[[Path], Robot], path: Path) -> None:
-    """A run is done when our own reader takes what it wrote: a negative mass fits data, but no robot has
-    one."""
+    """A run is done when our own reader takes what it wrote: the best fit may have a negative mass."""
     try:
         read(path)
     except InputError as error:

@@ -120,11 +120,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                          help="at the start and in the end")
 
 
-def simulate(
-    robot: AnyRobot, file: str | Path | None = None, *, measure: str | None = None,
-    effects: Sequence[str] = (),
-    seed: int = DEFAULT_SEED, threads: int | None = None, progress: Progress = SILENT, **options: Any,
-) -> CommandResult:
+def simulate(robot: AnyRobot, file: str | Path | None = None, *, measure: str | None = None,
+             effects: Sequence[str] = (), seed: int = DEFAULT_SEED, threads: int | None = None,
+             progress: Progress = SILENT, **options: Any) -> CommandResult:
     """Plays a trajectory or measures poses, gears and motions on a virtual robot; `result.data` are the
     measured rows.
 
@@ -164,12 +162,10 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     played = MEASURES[measure](arguments, virtual, given, random)
     truth = virtual.true
     return CommandResult(
-        json=_json(played, measure),
-        report=_report(robot, played, measure),
+        json=_json(played, measure), report=_report(robot, played, measure),
         tables={played.name: dataset_columns(played.data, robot)},
         texts={"truth.toml": robot_text(truth)} | played.texts,
-        data=played.data,
-    ).warned(() if planned is None else beyond_limits(robot, planned, "planned rows"))
+        data=played.data).warned(() if planned is None else beyond_limits(robot, planned, "planned rows"))
 
 
 def _require_comparison(arguments: argparse.Namespace, robot: Robot) -> None:
@@ -243,7 +239,6 @@ def _report(robot: Robot, played: Played, measure: str) -> Report:
         verdict += f" The flange follows the trajectory within {quantity(summary['rms'], 'm')} (RMS)."
         sections.append(Highlights(tuple(
             Highlight(f"flange error, {name}", Quantity(summary[key], "m"), None)
-            for name, key in (("mean", "mean"), ("RMS", "rms"), ("maximum", "max"))
-        )))
+            for name, key in (("mean", "mean"), ("RMS", "rms"), ("maximum", "max")))))
     sections.append(Text("Truth", ("What the virtual robot is stands in truth.toml and nowhere else.",)))
     return Report(f"Virtual {robot.name}", verdict, tuple(sections), "plain")

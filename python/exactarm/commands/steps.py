@@ -5,8 +5,6 @@ and targets that it makes; where kinds of data differ, in between. Another arm o
 why time left is told as "about". A command may leave steps out.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from exactarm.design import design
@@ -51,8 +49,7 @@ def steps_of_kinds(kinds: Sequence[str]) -> dict[str, float]:
     """Of a diagnosis of a file that holds data of these kinds, one after the other."""
     each = {name: share for name, share in STEPS["diagnose"].items() if name != READING}
     return {READING: STEPS["diagnose"][READING]} | {
-        step_of(name, kind, kinds): share for kind in kinds for name, share in each.items()
-    }
+        step_of(name, kind, kinds): share for kind in kinds for name, share in each.items()}
 
 
 def step_of(name: str, kind: str, kinds: Sequence[str]) -> str:

@@ -22,8 +22,7 @@ from exactarm.commands.compare import BETWEEN, Motion, play
 from exactarm.commands.output import PICTURES
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import CASES, STEPS
-from exactarm.commands.study_case import Case
-from exactarm.commands.study_report import study_report
+from exactarm.commands.study_report import Case, study_report
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
 from exactarm.identify.statistics import summarise
@@ -49,16 +48,14 @@ MOST_JERK_WEIGHT = 1e-10
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_robot(parser)
     parser.add_argument("paths", metavar="PATH", nargs="+", help="path files (.toml), or line, spiral")
-    parser.add_argument("--nu", metavar="NU,NU,...", help="weights to compare, at least two (default: 1e-14 "
-                                                          "to 1e-6, a decade each)")
+    parser.add_argument("--nu", metavar="NU,NU,...",
+                        help="weights to compare, at least two (default: 1e-14 to 1e-6, a decade each)")
     parser.add_argument("--rate", metavar="HZ", type=float,
                         help="samples a second (default: that of the path)")
 
 
-def study(
-    robot: AnyRobot, paths: str | Path | Sequence[str | Path], *, seed: int = DEFAULT_SEED,
-    threads: int | None = None, progress: Progress = SILENT, **options: Any,
-) -> CommandResult:
+def study(robot: AnyRobot, paths: str | Path | Sequence[str | Path], *, seed: int = DEFAULT_SEED,
+          threads: int | None = None, progress: Progress = SILENT, **options: Any) -> CommandResult:
     """Plans with several weights of the input: accuracy against bandwidth. Nothing in it is random: `seed` is
     recorded.
 
@@ -84,12 +81,8 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     arguments.progress.stage(CASES, total=sum(len(_inputs(weights)) for _ in paths))
     studies = {path.name: _study(robot, path, weights, arguments) for path in paths}
     files = tuple(Path(name) for name in arguments.paths if name not in shipped_paths())
-    return CommandResult(
-        json=_json(studies),
-        report=study_report(robot, studies),
-        tables={"study.csv": _columns(studies)},
-        inputs=files,
-    )
+    return CommandResult(json=_json(studies), report=study_report(robot, studies),
+                         tables={"study.csv": _columns(studies)}, inputs=files)
 
 
 def _weights(text: str | None) -> tuple[float, ...]:
@@ -116,9 +109,8 @@ def _path(name: str, rate: float | None) -> PlannedPath:
 
 def _inputs(weights: tuple[float, ...]) -> list[tuple[str, float]]:
     """Kind of input and weight of the acceleration, all cases of a path."""
-    least = min(weights)
-    return [("acceleration", nu) for nu in weights] + [("jerk", nu) for nu in weights
-                                                       if nu <= max(MOST_JERK_WEIGHT, least)]
+    most = max(MOST_JERK_WEIGHT, min(weights))
+    return [*(("acceleration", nu) for nu in weights), *(("jerk", nu) for nu in weights if nu <= most)]
 
 
 def _study(robot: Robot, path: PlannedPath, weights: tuple[float, ...],
@@ -158,9 +150,7 @@ def _json(studies: dict[str, dict[str, list[Case]]]) -> dict[str, Any]:
              "between": summarise(case.played.between).to_json(),
              "bandwidth_hz": list(case.bandwidth), "energy_bandwidth_hz": list(case.plan.bandwidth),
              "ringing_rad_s2": case.ringing}
-            for path, kind, case in _all(studies)
-        ],
-    }
+            for path, kind, case in _all(studies)]}
 
 
 def _columns(studies: dict[str, dict[str, list[Case]]]) -> dict[str, list[Any]]:
@@ -169,8 +159,7 @@ def _columns(studies: dict[str, dict[str, list[Case]]]) -> dict[str, list[Any]]:
     columns: dict[str, list[Any]] = {
         "path": [path for path, _, _ in rows], "input": [kind for _, kind, _ in rows],
         "nu": [case.plan.path.nu for *_, case in rows],
-        "planned_rms_m": [case.plan.tracking.position_rms for *_, case in rows],
-    }
+        "planned_rms_m": [case.plan.tracking.position_rms for *_, case in rows]}
     for where in ("knots", "between"):
         for measure in ("rms", "max"):
             columns[f"{where}_{measure}_m"] = [getattr(summarise(getattr(case.played, where)), measure)

@@ -1,15 +1,15 @@
 """The report of `exactarm study`: tables and the figures that the source shows, for every path."""
 
-from __future__ import annotations
-
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from exactarm import _core
-from exactarm.commands.study_case import Case
+from exactarm.commands.compare import Played
 from exactarm.identify.statistics import summarise
 from exactarm.plan.compensation import planning_model
+from exactarm.plan.optimal import Plan
 from exactarm.plan.spectrum import PEAK_SHARE, amplitude
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Section, Table, Text
 from exactarm.report.numbers import number, quantity
@@ -23,9 +23,27 @@ from exactarm.report.plots.weighting import (
 )
 from exactarm.robot.robot import Robot
 
-Study = dict[str, list[Case]]
 _LEAST_SHOWN_M = 1e-10
-_INPUTS = {"acceleration": "acceleration", "jerk": "jerk"}
+_INPUTS = ("acceleration", "jerk")
+
+
+@dataclass(frozen=True)
+class Case:
+    """One plan, nu the weight of the acceleration it compares with, and how it went on the virtual robot."""
+
+    nu: float
+    plan: Plan
+    played: Played
+    bandwidth: tuple[float | None, ...]  # Hz per axis, plan/spectrum.py
+    ringing: np.ndarray  # (n,) rad/s^2, output side
+
+    @property
+    def widest(self) -> float:
+        """Hz: the largest bandwidth of an axis."""
+        return max((value for value in self.bandwidth if value is not None), default=0.0)
+
+
+Study = dict[str, list[Case]]
 
 
 def study_report(robot: Robot, studies: dict[str, Study]) -> Report:
@@ -41,22 +59,18 @@ def study_report(robot: Robot, studies: dict[str, Study]) -> Report:
         Figure("tradeoff", "Accuracy against bandwidth", partial(_trade_off, studies),
                "Error of the flange between the knots on the virtual robot over the largest bandwidth of an "
                "axis. Each point is a weight; a line joins them in their order.",
-               "error over bandwidth, both logarithmic, for both inputs"),
-    ]
+               "error over bandwidth, both logarithmic, for both inputs")]
     for path, kinds in studies.items():
         sections += _figures(robot, path, kinds)
     sections.append(Text("How to read it", (
         "Knots: the samples of the plan.",
         "Bandwidth: highest frequency at which the spectrum of the motor acceleration of an axis is above "
-        f"{PEAK_SHARE:g} of the largest peak of all axes. "
-        "Ringing: RMS of what alternates from knot to knot, the eigenvalue −1 of the trapezoidal rule. All "
-        "accelerations on the "
-        "output side of the gears. Played on the virtual robot without deviations by the stiff integrator, "
-        "between the knots on "
-        "the quintic spline through the motor angles at the knots.",
+        f"{PEAK_SHARE:g} of the largest peak of all axes. Ringing: RMS of what alternates from knot to knot, "
+        "the eigenvalue −1 of the trapezoidal rule. All accelerations on the output side of the gears. "
+        "Played on the virtual robot without deviations by the stiff integrator, between the knots on the "
+        "quintic spline through the motor angles at the knots.",
         "The weight of the jerk is ν / (100 rad/s)²: at 16 Hz both inputs cost the same, and a row compares "
-        "two such plans.",
-    )))
+        "two such plans.")))
     return Report(f"Weight of the input on {robot.name}", verdict, tuple(sections), "plain")
 
 
@@ -90,8 +104,7 @@ def _table(path: str, kinds: Study) -> Table:
         (_power(case.nu), *map(_micrometres, (case.plan.tracking.position_rms, _rms(case.played.knots),
                                               _rms(case.played.between), summarise(case.played.between).max)),
          Quantity(case.widest, "Hz"), case.plan.solver.iterations)
-        for case in kinds["acceleration"]
-    )
+        for case in kinds["acceleration"])
     header = ("ν", "planned, RMS [µm]", "knots, RMS [µm]", "between, RMS [µm]", "between, largest [µm]",
               "bandwidth", "iterations")
     return Table(f"Weights on {path}, acceleration as the input", header, rows,
@@ -118,12 +131,10 @@ def _compared(case: Case) -> tuple[str | Quantity, ...]:
 
 
 def _trade_off(studies: dict[str, Study]):
-    lines = {
-        path: {f"{_INPUTS[kind]} as the input": (np.array([case.widest for case in cases]),
-                                                 np.array([_rms(case.played.between) for case in cases]))
-               for kind, cases in kinds.items()}
-        for path, kinds in studies.items()
-    }
+    lines = {path: {f"{kind} as the input": (np.array([case.widest for case in cases]),
+                                                      np.array([_rms(case.played.between) for case in cases]))
+                    for kind, cases in kinds.items()}
+             for path, kinds in studies.items()}
     return trade_off(lines, "RMS error between knots", "largest bandwidth", "Hz")
 
 
@@ -132,7 +143,7 @@ def _figures(robot: Robot, path: str, kinds: Study) -> list[Figure]:
     shown = [cases[0], cases[len(cases) // 2], cases[-1]] if len(cases) > 2 else cases
     labels = [f"ν = {_power(case.nu)}" for case in shown]
     best, time = cases[0].plan, cases[0].plan.time
-    axis = _livelier(best, robot)
+    axis = int(np.argmax(np.abs(best.theta_ddot / robot.ratios).max(axis=0)))  # whose motor is livelier
     each = lambda pick: {label: pick(case) for label, case in zip(labels, shown)}
     per_axis = lambda values: {f"axis {i + 1}": values[:, i] for i in range(values.shape[1])}
     smallest = f"ν = {_power(cases[0].nu)}"
@@ -185,20 +196,14 @@ def _figures(robot: Robot, path: str, kinds: Study) -> list[Figure]:
         ("jerk", "spectrum with either input", "Motor acceleration, output side, both with the weight of "
                                                f"{smallest}.",
          partial(spectra_per_axis, _spectrum(robot, cases[0])[0],
-                                  {f"{_INPUTS[kind]} as the input": _spectrum(robot, kinds[kind][0])[1]
-                                   for kind in _INPUTS})),
-    ]
+                                  {f"{kind} as the input": _spectrum(robot, kinds[kind][0])[1]
+                                   for kind in _INPUTS}))]
     return [Figure(f"{name}_{path}", f"{path.capitalize()}: {heading}", draw, caption, heading)
             for name, heading, caption, draw in build]
 
 
 def _spectrum(robot: Robot, case: Case) -> tuple[np.ndarray, np.ndarray]:
     return amplitude(case.plan.theta_ddot / robot.ratios, case.plan.reference.step)
-
-
-def _livelier(plan, robot: Robot) -> int:
-    """The axis (from 0) whose motor acceleration is largest."""
-    return int(np.argmax(np.abs(plan.theta_ddot / robot.ratios).max(axis=0)))
 
 
 def _turned(robot: Robot, plan) -> np.ndarray:

@@ -1,15 +1,12 @@
 """First aid around the work of a command: what looks like a mistake of the user's is said with the result, or
 with the refusal."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from exactarm.data.dataset import Dataset
 from exactarm.errors import ComputationError, InputError
-from exactarm.first_aid.first_aid import first_aid
-from exactarm.first_aid.mismatch import with_cause
+from exactarm.first_aid.first_aid import first_aid, with_cause
 from exactarm.identify.match import Mismatch
 from exactarm.robot.robot import Robot
 

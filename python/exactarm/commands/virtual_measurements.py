@@ -4,8 +4,6 @@ Each function takes the arguments of the command, the virtual robot, the rows of
 and a random generator, and gives the rows as a file of that kind holds them.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass, field, replace
 
@@ -68,16 +66,13 @@ def _poses(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Datase
         q = np.where(np.isnan(angles), theta / robot.controller_ratios + robot.controller_offsets, angles)
     else:
         q = random.uniform(limit(robot, "q_min"), limit(robot, "q_max"), (arguments.count, robot.axes))
-    carried = (
-        {} if planned is None
-        else {name: planned.covariates[name] for name in PAYLOADS if name in planned.covariates}
-    )
+    carried = ({} if planned is None
+               else {name: planned.covariates[name] for name in PAYLOADS if name in planned.covariates})
     data = measure_poses(
         virtual, q, _sensors(arguments), random, visits=arguments.visits, orientation=arguments.orientation,
         session=None if planned is None else planned.session, payload=carried,
         approach=None if planned is None else planned.joints.get("approach"),
-        torques=arguments.torques is not None,
-    )
+        torques=arguments.torques is not None)
     return Played(data, FILES[POSES.measured_as])
 
 
@@ -108,14 +103,11 @@ def _gear(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset
     parts = []
     for axis in axes:
         top = float(limit(robot, "q_dot_max")[axis])
-        speeds = (
-            [speed * DEGREE for speed in arguments.speed]
-            if arguments.speed else [share * top for share in _SPEEDS]
-        )
+        speeds = ([speed * DEGREE for speed in arguments.speed]
+                  if arguments.speed else [share * top for share in _SPEEDS])
         parts.append(measure_gear_runs(
             virtual, [axis], speeds, arguments.repeats, _sensors(arguments), random, arguments.rate or 1000.0,
-            in_motion=arguments.in_motion,
-        ))
+            in_motion=arguments.in_motion))
     return Played(_joined(parts), FILES[GEAR_RUN.measured_as])
 
 
@@ -129,8 +121,7 @@ def _joined(parts: list[Dataset]) -> Dataset:
     return Dataset.of_arrays(
         GEAR_RUN.name, {"theta": stack(lambda part: part.joints["theta"])},
         time=stack(lambda part: part.time),
-        run=np.concatenate(first), gyro=stack(lambda part: part.gyro), covariates=covariates,
-    )
+        run=np.concatenate(first), gyro=stack(lambda part: part.gyro), covariates=covariates)
 
 
 def _motion(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Dataset | None,

@@ -1,8 +1,6 @@
 """What the numbers of a column, and the columns of a file, have to be; InputError names file, row and
 column."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from difflib import get_close_matches
@@ -39,8 +37,7 @@ def check_values(path: str, column: Column, numbers: np.ndarray) -> None:
         good, expected = np.isin(numbers, (-1.0, 0.0, 1.0)), "-1, 0 or 1"
     elif column.quantity in (*CONTACTS, *PICTURE):
         good = np.isnan(numbers) | (
-            (numbers == np.round(numbers)) & (numbers >= NO_CONTACT) & (numbers < LARGEST_MARK)
-        )
+            (numbers == np.round(numbers)) & (numbers >= NO_CONTACT) & (numbers < LARGEST_MARK))
         expected = "a whole number from 0, or -1 (or nothing) where the row has no contact"
     elif column.quantity in ("session", "visit", "run"):
         good, expected = (numbers == np.round(numbers)) & (np.abs(numbers) < LARGEST_MARK), "a whole number"

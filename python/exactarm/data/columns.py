@@ -6,8 +6,6 @@ a unit that does not belong to it) is refused, and so is a payload or temperatur
 name is a covariate, kept as it is.
 """
 
-from __future__ import annotations
-
 import difflib
 import math
 import re
@@ -58,17 +56,15 @@ TILT = ("tilt_x", "tilt_y")
 ACCEL = ("accel_x", "accel_y", "accel_z")
 # covariates that are a load too
 PAYLOAD, PAYLOAD_CENTRE = "payload_kg", ("payload_x_m", "payload_y_m", "payload_z_m")
-SCALAR_UNITS = (
-    dict.fromkeys(POSITION, LENGTH)
-    | dict.fromkeys(QUATERNION, NO_UNIT)
-    | dict.fromkeys(ROTATION_VECTOR, ANGLE)
-    | dict.fromkeys(GYRO, ANGULAR_RATE)
-    | dict.fromkeys(TILT, ANGLE)
-    | dict.fromkeys(ACCEL, ACCELERATION)
-    | dict.fromkeys(PIXEL, PIXELS)
-    | {"time": TIME}
-    | dict.fromkeys(("session", "visit", "run", "set"), NO_UNIT)
-)
+SCALAR_UNITS = (dict.fromkeys(POSITION, LENGTH)
+                | dict.fromkeys(QUATERNION, NO_UNIT)
+                | dict.fromkeys(ROTATION_VECTOR, ANGLE)
+                | dict.fromkeys(GYRO, ANGULAR_RATE)
+                | dict.fromkeys(TILT, ANGLE)
+                | dict.fromkeys(ACCEL, ACCELERATION)
+                | dict.fromkeys(PIXEL, PIXELS)
+                | {"time": TIME}
+                | dict.fromkeys(("session", "visit", "run", "set"), NO_UNIT))
 
 # Beyond these no arm, drive or device measures anything, whatever its unit was meant to be (SI units).
 MOST = {
@@ -104,8 +100,7 @@ def may_be_empty(names: list[str]) -> set[str]:
     vectors = (*POSITION, *QUATERNION, *ROTATION_VECTOR, *TILT, *ACCEL, *PIXEL)
     return seen | partner | {
         name for name in names
-        if name in (*CONTACTS, *PICTURE) or _LENGTH.fullmatch(name) or scalars.get(name) in vectors
-    }
+        if name in (*CONTACTS, *PICTURE) or _LENGTH.fullmatch(name) or scalars.get(name) in vectors}
 
 
 @dataclass(frozen=True)
@@ -167,8 +162,7 @@ def _check_load_or_temperature(name: str, file: str) -> None:
 
 
 def _misspelt(name: str) -> str | None:
-    """The joint's quantity that a name with axis and unit of one almost spells: thta_2_rad is no
-    covariate."""
+    """The joint's quantity that a name with axis and unit nearly spells: thta_2_rad is no covariate."""
     match = re.fullmatch(rf"([a-z_]+)_(\d+)_({'|'.join(_ALL_UNITS)})", name, flags=re.IGNORECASE)
     if match is None:
         return None

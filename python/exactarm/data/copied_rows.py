@@ -6,8 +6,6 @@ sigma))^3 K are the same by chance at most. Where more are (Poisson), they were 
 of its own: counted as one, it makes the noise look smaller than it is, and neighbours look alike.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import TypeVar
 

@@ -76,10 +76,8 @@ class Dataset(Rows):
         return split_rule(self, fraction)
 
 
-def read_dataset(
-    paths: str | Path | Sequence[str | Path], robot: Robot, kind: str | None = None,
-    fixture: Fixture = Fixture(), columns: Mapping[str, str] | None = None,
-) -> Dataset:
+def read_dataset(paths: str | Path | Sequence[str | Path], robot: Robot, kind: str | None = None,
+                 fixture: Fixture = Fixture(), columns: Mapping[str, str] | None = None) -> Dataset:
     """One data set from files measured on `robot`. `kind` overrides what the columns say. columns: the files'
     names -> ours, as {"J1": "q_1_deg"}. The order in which several are given means nothing: they are read in
     that of their names. Raises InputError."""
@@ -111,9 +109,8 @@ def read_planned_poses(paths: str | Path | Sequence[str | Path], robot: Robot) -
     return dataset
 
 
-def read_targets(
-    paths: str | Path | Sequence[str | Path], robot: Robot, columns: Mapping[str, str] | None = None
-) -> Dataset:
+def read_targets(paths: str | Path | Sequence[str | Path], robot: Robot,
+                 columns: Mapping[str, str] | None = None) -> Dataset:
     """Poses that are to be reached: joint angles, or x, y, z, or both. columns: as in `read_dataset`."""
     paths = [paths] if isinstance(paths, (str, Path)) else list(paths)
     files = [_read_file(str(path), robot, columns) for path in paths]
@@ -121,9 +118,8 @@ def read_targets(
     return replace(_join(files, robot), kind=POSES.name, kinds=(POSES.name,))
 
 
-def read_named_targets(
-    path: str | Path, robot: Robot, columns: Mapping[str, str] | None = None
-) -> tuple[Dataset, list[str]]:
+def read_named_targets(path: str | Path, robot: Robot,
+                       columns: Mapping[str, str] | None = None) -> tuple[Dataset, list[str]]:
     """`read_targets` of one file, and its column `name`; empty where it has none."""
     file = _read_file(str(path), robot, columns, ("name",))
     _check_files([file])
@@ -131,11 +127,9 @@ def read_named_targets(
     return data, file.text.get("name", [])
 
 
-def read_joint_log(
-    path: str | Path, robot: Robot, columns: Mapping[str, str] | None = None, text: Sequence[str] = ()
-) -> tuple[Dataset, dict[str, list[str]]]:
-    """Joint angles without measured positions, and the columns of text that are named in `text`, by our
-    names."""
+def read_joint_log(path: str | Path, robot: Robot, columns: Mapping[str, str] | None = None,
+                   text: Sequence[str] = ()) -> tuple[Dataset, dict[str, list[str]]]:
+    """Joint angles without measured positions, and the columns of text named in `text`, by our names."""
     file = _read_file(str(path), robot, columns, text)
     data = replace(_join([file], robot), kind=POSES.name, kinds=(POSES.name,))
     if data.position is not None:
@@ -220,9 +214,8 @@ class _File:
         return self.values.get((quantity, None))
 
 
-def _read_file(
-    path: str, robot: Robot, given: Mapping[str, str] | None = None, text: Sequence[str] = ()
-) -> _File:
+def _read_file(path: str, robot: Robot, given: Mapping[str, str] | None = None,
+               text: Sequence[str] = ()) -> _File:
     prismatic = frozenset(i for i, joint in enumerate(robot.joints, start=1) if joint.type == "prismatic")
     words = {*text, *(theirs for theirs, ours in (given or {}).items() if ours in text)}
     table = read_table(path, ("set", *words), may_be_empty)
@@ -256,8 +249,7 @@ def _read_file(
 
 # -- all files ---------------------------------------------------------------------------------------
 def _check_files(files: Sequence[_File]) -> None:
-    """No file twice; and a quantity that only some files have could be neither used nor dropped without a
-    word."""
+    """No file twice; a quantity that only some files have could not be used, nor dropped without a word."""
     numbering: set[tuple[str, int | None] | str] = {("session", None), ("run", None), ("visit", None)}
     partner = {key for file in files for key in file.columns if key[0] == PARTNER}
     if partner or any((name, None) in file.columns for file in files
@@ -299,32 +291,19 @@ def _join(files: Sequence[_File], robot: Robot) -> Dataset:
     mark = lambda name: np.nan_to_num(stack((name, None)), nan=NO_CONTACT).astype(int)
     visit = _shared_numbers(files, "visit") if any(file.get("visit") is not None for file in files) else None
     data = Dataset(
-        kind="",
-        kinds=(),
-        axes=robot.axes,
-        joints=joints,
-        session=_shared_numbers(files, "session"),
-        run=_distinct_runs(files),
-        file_index=np.repeat(np.arange(len(files)), rows),
+        kind="", kinds=(), axes=robot.axes, joints=joints, session=_shared_numbers(files, "session"),
+        run=_distinct_runs(files), file_index=np.repeat(np.arange(len(files)), rows),
         row=np.concatenate([np.arange(1, count + 1) for count in rows]),
         time=_since_the_start(stack(("time", None))) if ("time", None) in first else None,
-        position=vector(POSITION),
-        rotation=_rotation(files, vector),
-        rotation_vector=vector(ROTATION_VECTOR),
-        gyro=vector(GYRO),
-        visit=visit,
+        position=vector(POSITION), rotation=_rotation(files, vector), rotation_vector=vector(ROTATION_VECTOR),
+        gyro=vector(GYRO), visit=visit,
         identification=stack(("set", None)) == "identification" if ("set", None) in first else None,
         contacts={name: mark(name) for name in CONTACTS if (name, None) in first},
         length=stack(("length", None)) if ("length", None) in first else None,
-        covariates={key: stack(key) for key in first if isinstance(key, str)},
-        flange=robot.controller.flange,
+        covariates={key: stack(key) for key in first if isinstance(key, str)}, flange=robot.controller.flange,
         sources=tuple(Source(file.path, file.table.sha256, file.table.rows) for file in files),
-        tilt=vector(TILT),
-        accel=vector(ACCEL),
-        pixel=vector(PIXEL),
-        partner=_side_by_side(partner),
-        **{name: mark(name) for name in PICTURE if (PIXEL[0], None) in first},
-    )
+        tilt=vector(TILT), accel=vector(ACCEL), pixel=vector(PIXEL), partner=_side_by_side(partner),
+        **{name: mark(name) for name in PICTURE if (PIXEL[0], None) in first})
     angles = {name: data.joints[name] for name in _of_controller(data, robot)}
     joints = {name: robot.controller.joints(values) for name, values in angles.items()}
     return with_sensors(replace(data, joints=data.joints | joints).with_way())
@@ -364,8 +343,7 @@ def _rotation(files: Sequence[_File],
 
 
 def _shared_numbers(files: Sequence[_File], quantity: str) -> np.ndarray:
-    """Numbers that mean the same in every file that has the column; a file without it gets a number of its
-    own."""
+    """Numbers that mean the same in every file that has the column; a file without it gets one of its own."""
     used = [numbers.astype(int) for file in files if (numbers := file.get(quantity)) is not None]
     free = max((int(numbers.max()) for numbers in used), default=0)
     out = []

@@ -7,8 +7,6 @@ vector these numbers would be read without complaint, and mean another orientati
 orientation; one or two alone (an inclinometer's) stay covariates.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

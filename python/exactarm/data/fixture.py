@@ -29,8 +29,6 @@ Another arm that the target touches, ball to ball (columns partner_q_i):
 not given. Without `session` an entry holds at every session. Lengths in m inside.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -192,8 +190,7 @@ def _distance(entry: _Entry) -> Distance:
     contact = entry.take("contact", lambda v: v in WITH_DISTANCE, f"one of {', '.join(WITH_DISTANCE)}")
     pair = entry.take(
         "between", lambda v: isinstance(v, list) and len(v) == 2 and all(map(_is_number, v)) and v[0] != v[1],
-        "two different numbers of contacts",
-    )
+        "two different numbers of contacts")
     return Distance(contact, tuple(pair), entry.metres("length_mm"), entry.metres("sigma_mm", 1e3 * SIGMA_M),
                     entry.session())
 
@@ -249,8 +246,7 @@ def _camera(board: _Entry, camera: _Entry) -> CameraSetup:
         None if marker is None else 1e-3 * float(marker),
         board.take("dictionary", lambda v: isinstance(v, str), "a name, as DICT_5X5_100", ""),
         camera.take("on", lambda v: v in ("flange", "stand"), '"flange" or "stand"', "flange") == "flange",
-        None if size is None else tuple(size), lens, given,
-    )
+        None if size is None else tuple(size), lens, given)
 
 
 def _is_number(value: object) -> bool:

@@ -8,8 +8,6 @@ stands for it, at the even times of its own clock. Where what is measured is hel
 the slowest of it is new: those between hold no noise of their own. Angles of the motors are known between.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import TypeVar
 

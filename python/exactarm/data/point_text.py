@@ -39,8 +39,7 @@ DELIMITERS = (";", "\t", ",", " ")  # in this order: a point of a semicolon file
 COMMENTS = ("//", "#", "%", "!")
 NAMES = {
     "name": {
-        "name", "point", "point name", "pointname", "target", "target name", "point id", "pointid", "id",
-    },
+        "name", "point", "point name", "pointname", "target", "target name", "point id", "pointid", "id"},
     "group": {"group", "group name", "point group", "pointgroup"},
     "collection": {"collection", "collection name"},
 }
@@ -89,10 +88,8 @@ class _Rows:
     dialect: Dialect
 
 
-def read_points(
-    path: str | Path, unit: str | None = None, layout: str | None = None,
-    columns: Mapping[str, str] | None = None,
-) -> Points:
+def read_points(path: str | Path, unit: str | None = None, layout: str | None = None,
+                columns: Mapping[str, str] | None = None) -> Points:
     """Points of one file. unit: of x, y, z where the header has none; layout: names of the columns, as
     "group,name,x,y,z" (`-`: not wanted); columns: the header's names -> ours."""
     rows = _rows(path, _text(path))
@@ -164,8 +161,7 @@ def _rows(path: str | Path, text: str) -> _Rows:
         commas = any("," in cell and _count([cell]) for _, cells in data for cell in cells)
         return _Rows(
             [cells for _, cells in data], [i for i, _ in data], before[-1][1] if headed else None,
-            [i for i, _ in (before[:-1] if headed else before)], Dialect(delimiter, "," if commas else "."),
-        )
+            [i for i, _ in (before[:-1] if headed else before)], Dialect(delimiter, "," if commas else "."))
     if tried:
         _, why, line = max(tried)
         raise InputError(why, file=path, line=line)
@@ -208,9 +204,8 @@ def _numbers(path: str | Path, rows: _Rows, index: int, name: str) -> np.ndarray
 
 
 # -- which column is what ----------------------------------------------------------------------------------
-def _columns(
-    path: str | Path, rows: _Rows, layout: str | None, given: Mapping[str, str]
-) -> tuple[list[str], str]:
+def _columns(path: str | Path, rows: _Rows, layout: str | None,
+             given: Mapping[str, str]) -> tuple[list[str], str]:
     """Our name of every column, SKIP where it is not wanted; and where the names come from."""
     width = len(rows.cells[0])
     if layout is not None:
@@ -270,8 +265,7 @@ def _by_content(path: str | Path, rows: _Rows) -> list[str]:
         raise InputError(
             f"{width} columns, {width - len(texts)} of them numbers, and no header that names them: a number "
             "may be a name, a coordinate or something else; expected --layout, as group,name,x,y,z",
-            file=path, line=rows.lines[0],
-        )
+            file=path, line=rows.lines[0])
     return [*(TEXT_COLUMNS[len(texts) - 1] if texts else ()), *POSITION]
 
 

@@ -5,8 +5,6 @@ brings the shape closest to its points (Kabsch 1976). The target is the first re
 its axes: x to the second, z across the plane of the first three. One reflector is a position.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import replace
@@ -91,8 +89,7 @@ def plate_poses(points: np.ndarray, path: str, column: str) -> tuple[np.ndarray,
 
 
 def _laid_over(shape: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rotations (N, 3, 3) that bring the shape (k, 3) closest to points (N, k, 3), about their centres
-    (N, 3)."""
+    """Rotations (N, 3, 3) that bring the shape (k, 3) closest to points (N, k, 3), about centres (N, 3)."""
     centre = points.mean(axis=1)
     return nearest(np.einsum("nki,kj->nij", points - centre[:, None], shape - shape.mean(axis=0))), centre
 

@@ -4,8 +4,6 @@ N rows, n axes of the robot; angles in rad, lengths in m, time in s, torque in N
 `exactarm.data.dataset.Dataset` adds how rows are divided, `exactarm.data.kinds` what they can show.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace

@@ -1,8 +1,6 @@
 """Rows whose contact needs no number: a reading of gravity at rest, a corner in a picture, angles of another
 arm mark them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import TypeVar
 
@@ -17,8 +15,7 @@ Data = TypeVar("Data", bound=Rows)
 
 
 def with_sensors(data: Data) -> Data:
-    """The rows with `contacts` of what a sensor on the flange or a camera has measured, or another arm
-    touched."""
+    """The rows with `contacts` of what a flange's sensor or a camera has measured, or another arm touched."""
     return _with_gravity_sensor(_with_partner(_with_camera(data)))
 
 

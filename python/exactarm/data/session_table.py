@@ -9,8 +9,6 @@ weighed: zero in the data, and its session is kept in `Rows.unweighed`. Refused:
 with two, a column that the data have already or that is measured row by row.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

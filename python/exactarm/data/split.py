@@ -6,8 +6,6 @@ is only one of a sort, its first part is taken and its last part left. Both -> (
 identification.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components

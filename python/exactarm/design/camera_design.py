@@ -13,8 +13,6 @@ arm repeats, B (2K, 6) the corners by a motion of the camera. What the flange ca
 target of the robot file and to look along its z.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -111,12 +109,10 @@ def _places(robot: Robot, space: PoseSpace, setup: CameraSetup, options: Closure
     def place_of(centre: np.ndarray, number: int) -> _Place | None:
         return _place(robot, space, _camera(setup, number, centre, views, random), options, views, random)
 
-    return find_places(
-        centres, place_of, options, CANDIDATES,
-        shown=f"{_LEAST_POSES} poses of {_VIEWS * _ROUNDS} tried show the board",
-        expected="before the arm, or wider limits of distance and tilt",
-        enough="seen in enough poses: enlarge --box, --near-mm, --far-mm or --tilt-deg",
-    )
+    return find_places(centres, place_of, options, CANDIDATES,
+                       shown=f"{_LEAST_POSES} poses of {_VIEWS * _ROUNDS} tried show the board",
+                       expected="before the arm, or wider limits of distance and tilt",
+                       enough="seen in enough poses: enlarge --box, --near-mm, --far-mm or --tilt-deg")
 
 
 def _camera(setup: CameraSetup, session: int, centre: np.ndarray, views: Views,
@@ -240,8 +236,7 @@ def _designed(robot: Robot, space: PoseSpace, places: list[_Place], options: Clo
     of_place = [short_way(space, q[best[place_of[best] == k]]) for k in range(len(places))]
     return CameraDesign(
         np.concatenate(of_place), np.repeat(np.arange(1, len(places) + 1), [len(part) for part in of_place]),
-        cameras, deviations, q[start], 1 + place_of[start], found,
-    )
+        cameras, deviations, q[start], 1 + place_of[start], found)
 
 
 def _embedded(place: _Place, names: tuple[str, ...]) -> np.ndarray:
@@ -260,5 +255,4 @@ def _stacked(parts: list[Dataset]) -> Dataset:
         parts[0].kind, {"q": stack(lambda part: part.joints["q"])}, session=stack(lambda part: part.session),
         picture=stack(lambda part: part.picture), corner=stack(lambda part: part.corner),
         pixel=stack(lambda part: part.pixel),
-        contacts={"camera": stack(lambda part: part.contacts["camera"])},
-    )
+        contacts={"camera": stack(lambda part: part.contacts["camera"])})

@@ -14,8 +14,6 @@ drawing as prior (exactarm.identify.closure_fit). Places may be given instead. T
 file.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -95,8 +93,7 @@ class _Place:
 
 
 def design_closures(robot: Robot, options: ClosureDesignOptions = ClosureDesignOptions()) -> ClosureDesign:
-    """The places and poses. Raises InputError where a given place is out of reach or the poses are too
-    few."""
+    """The places and poses. Raises InputError where a given place is out of reach or poses are too few."""
     require_geometry(robot)
     random = np.random.default_rng(options.seed)
     robot = replace(at_base(robot), effects=())
@@ -113,14 +110,12 @@ def _places(robot: Robot, space: PoseSpace, options: ClosureDesignOptions,
     return find_places(
         centres, lambda centre, _: _place(robot, space, centre, options.apart, random), options, CANDIDATES,
         shown=f"{_LEAST_POSES} of {_STARTS} random poses reach either seat", expected="well inside the reach",
-        enough="reached in enough poses: enlarge --box",
-    )
+        enough="reached in enough poses: enlarge --box")
 
 
-def find_places(
-    centres: Iterable[Sequence[float]], place_of: Callable[[np.ndarray, int], P | None],
-    options: ClosureDesignOptions, most: int, *, shown: str, expected: str, enough: str,
-) -> list[P]:
+def find_places(centres: Iterable[Sequence[float]], place_of: Callable[[np.ndarray, int], P | None],
+                options: ClosureDesignOptions, most: int, *, shown: str, expected: str,
+                enough: str) -> list[P]:
     """Places at the centres (3,): all of those that `options.at` gives, else the first `most` that serve.
 
     place_of(centre, number of the place from 1): None where it does not serve. Raises InputError where a
@@ -192,8 +187,7 @@ class MeanVariance(Criterion):
 
 def work_space_weight(robot: Robot, layout: Layout, options: ClosureDesignOptions,
                       plausible: np.ndarray) -> np.ndarray:
-    """Mean J'J of the target over the work space, by geometry alone: contacts and tool belong to the
-    fixture."""
+    """Mean J'J of the target over the work space, by geometry alone: contacts and tool are the fixture's."""
     space = PoseSpace.of(robot, options.box, options.clearance)
     q = space.draw(_WORK_SPACE, np.random.default_rng(options.seed))
     free = tuple(np.zeros_like(mask) if isinstance(effect, (Contact, Target)) else mask
@@ -207,9 +201,8 @@ def work_space_weight(robot: Robot, layout: Layout, options: ClosureDesignOption
     return information_of(full) / len(q)
 
 
-def least_variance(
-    pool: np.ndarray, known: np.ndarray, weight: np.ndarray, count: int, random: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray, tuple[float, ...]]:
+def least_variance(pool: np.ndarray, known: np.ndarray, weight: np.ndarray, count: int,
+                   random: np.random.Generator) -> tuple[np.ndarray, np.ndarray, tuple[float, ...]]:
     """Indices (count,) of the blocks of `pool` (C, r, m) with the least mean variance beside what is `known`
     (m, m), random ones to begin with; and the expected error by what is known, with these, with the best."""
     criterion = MeanVariance(weight)
@@ -232,10 +225,8 @@ class _Model:
     def __init__(self, robot: Robot, places: list[_Place], options: ClosureDesignOptions):
         self.robot, self.places, self.options = robot, places, options
         sessions = range(1, len(places) + 1)
-        seats = tuple(
-            Socket(None, tuple(float(x) for x in seat), session, number)
-            for session, place in zip(sessions, places) for number, seat in enumerate(place.seats)
-        )
+        seats = tuple(Socket(None, tuple(float(x) for x in seat), session, number)
+                      for session, place in zip(sessions, places) for number, seat in enumerate(place.seats))
         tool = Target(None, tuple(float(x) for x in robot.tool.position), tuple(sessions), shared=True)
         fixture = Fixture((Distance("socket", (0, 1), options.apart),))
         setup, geometry = Layout.of((*seats, tool)), geometry_layout(robot)
@@ -287,13 +278,11 @@ class _Model:
         order = np.concatenate([
             _in_short_way(space, self.q,
                           picked[(self.session[picked] == place + 1) & (self.socket[picked] == seat)])
-            for place in chosen for seat in (0, 1)
-        ])
+            for place in chosen for seat in (0, 1)])
         return ClosureDesign(
             self.q[order], np.array([number[s - 1] for s in self.session[order]]), self.socket[order],
             {(number[place], k): seat for place in chosen for k, seat in enumerate(self.places[place].seats)},
-            errors, self.found, space,
-        )
+            errors, self.found, space)
 
 
 def _in_short_way(space: PoseSpace, q: np.ndarray, rows: np.ndarray) -> np.ndarray:

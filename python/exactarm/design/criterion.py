@@ -7,8 +7,6 @@ Determinants are updated, not recomputed: det(M + B'B) = det(M) det(I + B M^-1 B
 Any other criterion needs only its value on a batch of information matrices.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 

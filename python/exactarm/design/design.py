@@ -11,8 +11,6 @@
 Both sets are put into an order of short ways. All scaling: exactarm.identify.observability.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -107,35 +105,20 @@ def design_poses(robot: Robot, options: DesignOptions = DesignOptions(),
                options.polish)
     q_validation, distance = spread_poses(space, q, options.validation, rng)
     parameters = int(identifiability.kept.sum())
-    return Design(
-        model,
-        space,
-        identifiability,
-        short_way(space, q),
-        short_way(space, q_validation),
-        _indices(blocks_at(q)[0]),
-        _indices(pool[start]),
-        _indices(pool[exchanged.chosen]),
-        np.exp(exchanged.history / (2 * parameters)) / np.sqrt(options.count),
-        distance,
-    )
+    return Design(model, space, identifiability, short_way(space, q), short_way(space, q_validation),
+                  _indices(blocks_at(q)[0]), _indices(pool[start]), _indices(pool[exchanged.chosen]),
+                  np.exp(exchanged.history / (2 * parameters)) / np.sqrt(options.count), distance)
 
 
 def reference_identifiability(model: PlannedModel, blocks: np.ndarray,
                               count: int | None = None) -> Identifiability:
-    """What random poses with the Jacobian `blocks` (N, r, P) identify; the noise is taken as that of `count`
-    poses."""
+    """What random poses with the Jacobian `blocks` (N, r, P) identify, with the noise of `count` poses."""
     poses = len(blocks)
-    return select_identifiable(
-        blocks.reshape(-1, blocks.shape[-1]),
-        model.names,
-        keep_first=model.frame_count,
-        poses=poses,
-        weights=np.tile(row_weights(model.orientation), poses),
-        sigma=float(np.sqrt(poses / (count or poses))),
-        plausible=model.plausible,
-        robot=model.robot,
-    )
+    return select_identifiable(blocks.reshape(-1, blocks.shape[-1]), model.names,
+                               keep_first=model.frame_count, poses=poses,
+                               weights=np.tile(row_weights(model.orientation), poses),
+                               sigma=float(np.sqrt(poses / (count or poses))),
+                               plausible=model.plausible, robot=model.robot)
 
 
 def spread_poses(space: PoseSpace, taken: np.ndarray, count: int,
@@ -185,8 +168,7 @@ def _require_enough(count: int, rows: int, identifiability: Identifiability) -> 
     if count * rows < parameters:
         raise InputError(
             f"--count {count}: {count * rows} numbers for {parameters} parameters, expected at least "
-            f"{-(-parameters // rows)} poses"
-        )
+            f"{-(-parameters // rows)} poses")
 
 
 def _regular_start(pool: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:

@@ -8,8 +8,6 @@ from coming back and what was just added from leaving, so the search may pass th
 returned. Information that is there already (earlier measurements) enters as `prior` (m, m).
 """
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import dataclass
 
@@ -43,13 +41,8 @@ class Exchanged:
     history: np.ndarray
 
 
-def exchange(
-    pool: np.ndarray,
-    start: np.ndarray,
-    rng: np.random.Generator,
-    options: ExchangeOptions = ExchangeOptions(),
-    prior: np.ndarray | None = None,
-) -> Exchanged:
+def exchange(pool: np.ndarray, start: np.ndarray, rng: np.random.Generator,
+             options: ExchangeOptions = ExchangeOptions(), prior: np.ndarray | None = None) -> Exchanged:
     """The best set found from the set `start` (K,) of indices into the blocks `pool` (C, r, m).
 
     Raises ComputationError where the start is singular: it cannot identify all parameters.

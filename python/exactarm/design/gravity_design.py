@@ -6,8 +6,6 @@ mounting, base tilt, gain and zero unknown and the drawing as prior. The sensor'
 the flange; a reading is taken to be good to SIGMA_RAD.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

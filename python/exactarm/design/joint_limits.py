@@ -7,8 +7,6 @@ limit has that of a column. Measured rows are not asked: the arm was there, and 
 its file says.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np
@@ -34,8 +32,7 @@ def beyond_limits(robot: Robot, data: Dataset, what: str) -> tuple[str, ...]:
 
 
 def violations(robot: Robot, q: np.ndarray) -> Iterator[tuple[int, str]]:
-    """Row of q (N, n), and words that name axis, value and limits, for each that is passed; NaN passes
-    none."""
+    """Row of q (N, n), and words that name axis, value and limits, for each limit passed; NaN: none."""
     low = np.array([-MOST["q"] if joint.q_min is None else joint.q_min for joint in robot.joints]) - ROUNDED
     high = np.array([MOST["q"] if joint.q_max is None else joint.q_max for joint in robot.joints]) + ROUNDED
     for row, axis in np.argwhere((q < low) | (q > high)):

@@ -5,8 +5,6 @@ reflector within its acceptance angle about the axis to which it opens. What els
 known here.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

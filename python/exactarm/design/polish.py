@@ -6,8 +6,6 @@ swap is tried in the order of its predicted gain, and kept when it raises the cr
 leaves a second criterion, the guard, no lower than it was at the start.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -18,8 +16,7 @@ from exactarm.design.criterion import Criterion, information_of, squared
 
 @dataclass(frozen=True)
 class PolishOptions:
-    """Rounds, neighbours of each setting in a round, spread of the first and last round (part of the
-    range)."""
+    """Rounds, neighbours of each setting in a round, spread of first and last round (part of the range)."""
 
     rounds: int = 16
     neighbours: int = 10
@@ -27,16 +24,10 @@ class PolishOptions:
     last_spread: float = 0.02
 
 
-def polish(
-    settings: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    blocks_at: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
-    criterion: Criterion,
-    guard: Criterion,
-    rng: np.random.Generator,
-    options: PolishOptions = PolishOptions(),
-) -> np.ndarray:
+def polish(settings: np.ndarray, lower: np.ndarray, upper: np.ndarray,
+           blocks_at: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], criterion: Criterion,
+           guard: Criterion, rng: np.random.Generator,
+           options: PolishOptions = PolishOptions()) -> np.ndarray:
     """The moved settings (K, n). `blocks_at(settings)` returns blocks (N, r, m) and which settings are
     allowed (N,)."""
     settings, count = settings.copy(), len(settings)

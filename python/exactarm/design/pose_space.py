@@ -64,8 +64,7 @@ class PoseSpace:
         lower, upper = np.array(bounds).T
         margin = _MARGIN * (upper - lower)
         keep = default_clearance(robot) if clearance is None else clearance
-        return PoseSpace(at_base(robot), box, lower + margin, upper - margin, keep, tuple(assumed),
-                         station)
+        return PoseSpace(at_base(robot), box, lower + margin, upper - margin, keep, tuple(assumed), station)
 
     def target(self, q: np.ndarray) -> np.ndarray:
         """(N, 3) nominal position of the target in the controller's base frame."""
@@ -100,12 +99,10 @@ class PoseSpace:
                 raise ComputationError(
                     "fewer than one in a thousand poses within the joint limits is allowed: "
                     "the box is beyond the reach or too small, the clearance is too large, or the station "
-                    "sees hardly any"
-                )
+                    "sees hardly any")
         return np.concatenate(found)[:count]
 
     def _joint_angles(self, q: np.ndarray) -> np.ndarray:
-        """What the arm really turns to when the controller reports q (gear ripple and deflection left
-        out)."""
+        """What the arm really turns to when the controller reports q (without gear ripple and deflection)."""
         theta = (q - self.robot.controller_offsets) * self.robot.controller_ratios
         return theta / self.robot.ratios + self.robot.offsets

@@ -6,8 +6,6 @@ itself and are left out. A pose is clear when flange and target keep at least th
 from all these lines.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm import _core

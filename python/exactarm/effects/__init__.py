@@ -1,8 +1,6 @@
 """The library of effects: every module of this folder is looked through once, and what installed packages
 name under the entry point `exactarm.effects`; each subclass registers by its name."""
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 from dataclasses import replace

@@ -5,8 +5,6 @@ The folder is that of the environment variable EXACTARM_EFFECTS, or `exactarm/ef
 configuration folder.
 """
 
-from __future__ import annotations
-
 import os
 import tomllib
 from pathlib import Path

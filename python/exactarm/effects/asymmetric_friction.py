@@ -4,10 +4,7 @@ torque = coulomb_Nm sign(rate)^2 + viscous_Nm_s |rate|: half the difference betw
 the constant and the viscous part (Armstrong-Helouvry et al. 1994, 2.2).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import ClassVar
 
 from exactarm.effects.base import Change, Parameter
 from exactarm.effects.drive import DriveEffect, smooth_square
@@ -17,13 +14,11 @@ from exactarm.effects.drive import DriveEffect, smooth_square
 class AsymmetricFriction(DriveEffect):
     """Half the difference of the friction of the two directions of one axis."""
 
-    name: ClassVar[str] = "asymmetric_friction"
-    plain: ClassVar[str] = "friction that depends on the direction"
-    sentence: ClassVar[str] = (
-        "friction of axis {joint} is larger in the positive direction than in the negative one by "
-        "twice {coulomb_Nm:.3g} Nm and {viscous_Nm_s:.3g} Nm s"
-    )
-    source: ClassVar[str] = "Armstrong-Helouvry, Dupont and Canudas de Wit 1994"
+    name = "asymmetric_friction"
+    plain = "friction that depends on the direction"
+    sentence = ("friction of axis {joint} is larger in the positive direction than in the negative one by "
+                "twice {coulomb_Nm:.3g} Nm and {viscous_Nm_s:.3g} Nm s")
+    source = "Armstrong-Helouvry, Dupont and Canudas de Wit 1994"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("coulomb_Nm", 3.0), Parameter("viscous_Nm_s", 3.0))

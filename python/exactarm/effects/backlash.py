@@ -10,11 +10,8 @@ at rest on either flank. bias: only where the masses are generic (robot/generic_
 right in kind, and need not change its sign where the real one does.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -42,16 +39,16 @@ class Backlash(Effect):
     least_Nm: float = 0.0
     biases: tuple[float, ...] = ()
 
-    name: ClassVar[str] = "backlash"
-    plain: ClassVar[str] = "play in the gear"
-    in_axis_units: ClassVar[bool] = True
-    station: ClassVar[Station] = Station.SPRING
-    kinds: ClassVar[tuple[str, ...]] = ALL_KINDS
-    compensable: ClassVar[bool] = True
-    by_load: ClassVar[bool] = True
-    smooth: ClassVar[bool] = False
-    sentence: ClassVar[str] = "axis {joint} has {width_rad:.3g} rad of backlash and rests on the loaded flank"
-    source: ClassVar[str] = "Nordin and Gutman 2002"
+    name = "backlash"
+    plain = "play in the gear"
+    in_axis_units = True
+    station = Station.SPRING
+    kinds = ALL_KINDS
+    compensable = True
+    by_load = True
+    smooth = False
+    sentence = "axis {joint} has {width_rad:.3g} rad of backlash and rests on the loaded flank"
+    source = "Nordin and Gutman 2002"
 
     def parameters(self) -> tuple[Parameter, ...]:
         own = (Parameter("width_rad", 3e-4, -1e-2, 1e-2),
@@ -69,10 +66,8 @@ class Backlash(Effect):
         friction = max(self.values[1], _LEAST_FRICTION_NM)
         transition = _TRANSITION_SHARE * friction
         modelled, direction = view.torque[:, self.index], view.direction[:, self.index]
-        carried = (
-            view.signals["carried"][:, self.index] if "carried" in view.signals
-            else np.full_like(modelled, np.nan)
-        )
+        carried = (view.signals["carried"][:, self.index] if "carried" in view.signals
+                   else np.full_like(modelled, np.nan))
         measured = ~np.isnan(carried)
         load = np.where(measured, carried, modelled)
         load = load + (self.values[2] if len(self.values) > 2 else 0.0)

@@ -113,8 +113,7 @@ class Effect(ABC):
         return self.plain or self.name.replace("_", " ")
 
     def orders(self) -> tuple[tuple[float, float], ...]:
-        """(cycles per output revolution, amplitude in rad) of an angle error that repeats; empty for other
-        effects."""
+        """(cycles per output turn, amplitude in rad) of an angle error that repeats; else empty."""
         return ()
 
     @property
@@ -139,13 +138,11 @@ class Effect(ABC):
         return ParameterId(self.parameter_label(parameter), axis=self.joint)
 
     def bake(self, robot: Robot) -> Robot:
-        """The robot with those of the effect's values in its tables that live there (geometry, frames,
-        masses)."""
+        """The robot with what of the effect's values lives in its tables (geometry, frames, masses)."""
         return robot
 
     def from_tables(self, robot: Robot) -> Effect:
-        """The inverse of `bake`: the effect with the robot's values; one that is not declared stays as it
-        is."""
+        """The inverse of `bake`: the effect with the robot's values; one not declared stays as it is."""
         return type(self).of(robot, self.index) if self.declared else self
 
     def with_all_columns(self, robot: Robot) -> Effect:
@@ -162,8 +159,7 @@ class Effect(ABC):
         return None
 
     def carries(self, data: Dataset) -> tuple[np.ndarray, np.ndarray] | None:
-        """Rows (N,) bool and inertial parameters (10,) of what the flange carries in them alone, flange
-        frame."""
+        """Rows (N,) bool and inertial parameters (10,), flange frame, of what is carried in them alone."""
         return None
 
     @property
@@ -236,8 +232,7 @@ class Effect(ABC):
         return ()
 
     def richer(self) -> Iterable[Effect]:
-        """Forms of the same cause with more terms, at zero size where it stands: tried once the effect is
-        found."""
+        """Forms of the same cause with more terms, at zero size where it stands: tried once it is found."""
         return ()
 
     def laws(self) -> Iterable[Effect]:
@@ -270,8 +265,7 @@ class Effect(ABC):
         return np.asarray(self.values), np.eye(len(self.values))
 
     def keep(self, view: View) -> np.ndarray | None:
-        """Rows (N,) bool that are to be used; None = all. Only effects of the record (outliers) say
-        otherwise."""
+        """Rows (N,) bool that are to be used; None = all. Only effects of the record (outliers) differ."""
         return None
 
     @classmethod
@@ -280,14 +274,12 @@ class Effect(ABC):
         return cls.keep is not Effect.keep
 
     def measured(self, phi: np.ndarray) -> np.ndarray | None:
-        """Rows (N,) bool of output angles phi (N, n), rad, where the effect was estimated; None = it holds
-        everywhere."""
+        """Rows (N,) bool of output angles phi (N, n), rad, where it was estimated; None = everywhere."""
         return None
 
     @property
     def angles_measured(self) -> tuple[float, float] | None:
-        """Output angles (rad) of its axis between which it was estimated; given by whoever gives
-        `measured`."""
+        """Output angles (rad) of its axis between which it was estimated; goes with `measured`."""
         return None
 
     def renewed(self, view: View) -> Effect:
@@ -331,8 +323,7 @@ class Effect(ABC):
 
     # -- what it tells of -------------------------------------------------------------------------
     def bound_to(self, data: Dataset) -> Effect:
-        """The effect for these data files alone, if it is one of a record; data without files binds
-        nothing."""
+        """The effect for these data files alone, if it is of a record; data without files bind nothing."""
         return replace(self, record=data.fingerprint) if self.of_record else self
 
     def acts_on(self, data: Dataset) -> bool:

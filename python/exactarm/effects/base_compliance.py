@@ -4,11 +4,8 @@ The base turns by rad_per_Nm M_across, M the moment of gravity about the base or
 axis.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -22,18 +19,17 @@ from exactarm.effects.moving_frames import turned_about
 class BaseCompliance(Effect):
     """Tilt of the foundation, the same about both horizontal axes."""
 
-    name: ClassVar[str] = "base_compliance"
-    plain: ClassVar[str] = "a base that gives way under load"
-    station: ClassVar[Station] = Station.GEOMETRY
-    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
-    compensable: ClassVar[bool] = True
-    by_load: ClassVar[bool] = True
-    per_joint: ClassVar[bool] = False
-    sentence: ClassVar[str] = (
+    name = "base_compliance"
+    plain = "a base that gives way under load"
+    station = Station.GEOMETRY
+    kinds = WITH_TARGET
+    compensable = True
+    by_load = True
+    per_joint = False
+    sentence = (
         "the foundation tilts, or axis 1 bends across itself (the two look alike), by {rad_per_Nm:.3g} rad "
-        "for every Nm of overturning moment"
-    )
-    source: ClassVar[str] = "Abele, Weigold and Rothenbuecher 2007"
+        "for every Nm of overturning moment")
+    source = "Abele, Weigold and Rothenbuecher 2007"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("rad_per_Nm", 1e-6, 0.0),)

@@ -1,7 +1,5 @@
 """What an effect is asked for: its parameters, and what they change at a station."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,31 +1,24 @@
 """Coulomb friction of a drive: torque_Nm sign(rate), constant in size and against the motion (Coulomb
 1785)."""
 
-from __future__ import annotations
-
-from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
-from exactarm.effects.base import Change, Effect, Parameter
-from exactarm.effects.drive import DriveEffect, moving_axes
+from exactarm.effects.base import Change, Parameter
+from exactarm.effects.drive import DriveEffect
 
 
 @dataclass(frozen=True)
 class CoulombFriction(DriveEffect):
     """Dry friction of one axis, beside what its tables declare."""
 
-    name: ClassVar[str] = "coulomb_friction"
-    plain: ClassVar[str] = "dry friction that is not declared"
-    sentence: ClassVar[str] = "axis {joint} has {torque_Nm:.3g} Nm of dry friction that is not declared"
-    source: ClassVar[str] = "Armstrong-Helouvry, Dupont and Canudas de Wit 1994; thesis (2.22)"
+    name = "coulomb_friction"
+    unless_declared = "coulomb"
+    plain = "dry friction that is not declared"
+    sentence = "axis {joint} has {torque_Nm:.3g} Nm of dry friction that is not declared"
+    source = "Armstrong-Helouvry, Dupont and Canudas de Wit 1994; thesis (2.22)"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("torque_Nm", 10.0, lower=0.0),)
 
     def change(self, view) -> Change:
         return self.torque_change(view, [self.sign(view)], **self.slopes(view, by_sign=self.values[0]))
-
-    @classmethod
-    def candidates(cls, robot, view) -> Iterable[Effect]:
-        return (cls(i + 1, (0.0,)) for i in moving_axes(view) if robot.joints[i].coulomb is None)

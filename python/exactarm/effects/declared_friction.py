@@ -7,7 +7,6 @@ or above, for friction drives nothing.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -19,12 +18,10 @@ from exactarm.effects.drive import DriveEffect
 class DeclaredFriction(DriveEffect):
     """Friction of one axis, in the robot's tables."""
 
-    name: ClassVar[str] = "declared_friction"
-    declared: ClassVar[bool] = True
-    reverses: ClassVar[bool] = True
-    sentence: ClassVar[
-        str
-    ] = "axis {joint} has {coulomb_Nm:.3g} Nm of dry and {viscous_Nm_s:.3g} Nm s of viscous friction"
+    name = "declared_friction"
+    declared = True
+    reverses = True
+    sentence = "axis {joint} has {coulomb_Nm:.3g} Nm of dry and {viscous_Nm_s:.3g} Nm s of viscous friction"
 
     @staticmethod
     def of(robot, index: int) -> DeclaredFriction:

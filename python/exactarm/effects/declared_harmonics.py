@@ -8,7 +8,6 @@ tables) half of it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -27,14 +26,14 @@ class DeclaredHarmonics(Effect):
     side: str = "cw"
     orders: tuple[float, ...] = ()
 
-    drawn_to_declared: ClassVar[bool] = True
-    name: ClassVar[str] = "declared_harmonics"
-    station: ClassVar[Station] = Station.GEAR
-    kinds: ClassVar[tuple[str, ...]] = (GEAR_RUN.name,)
-    compensable: ClassVar[bool] = True
-    declared: ClassVar[bool] = True
-    sentence: ClassVar[str] = "harmonics of gear {joint}"
-    source: ClassVar[str] = "thesis (2.10), (3.5), E5"
+    drawn_to_declared = True
+    name = "declared_harmonics"
+    station = Station.GEAR
+    kinds = (GEAR_RUN.name,)
+    compensable = True
+    declared = True
+    sentence = "harmonics of gear {joint}"
+    source = "thesis (2.10), (3.5), E5"
 
     @classmethod
     def of(cls, robot, index: int, side: str) -> DeclaredHarmonics:

@@ -7,7 +7,6 @@ phi = theta / ratio, hence dphi/dratio = -phi / ratio.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -20,12 +19,12 @@ from exactarm.effects.parameter_id import Group, ParameterId
 class DeclaredRatio(Effect):
     """The ratio of one axis, in the robot's tables."""
 
-    name: ClassVar[str] = "declared_ratio"
-    station: ClassVar[Station] = Station.GEAR
-    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
-    compensable: ClassVar[bool] = True
-    declared: ClassVar[bool] = True
-    sentence: ClassVar[str] = "axis {joint} has the gear ratio {ratio:.6g}"
+    name = "declared_ratio"
+    station = Station.GEAR
+    kinds = WITH_TARGET
+    compensable = True
+    declared = True
+    sentence = "axis {joint} has the gear ratio {ratio:.6g}"
 
     @staticmethod
     def of(robot, index: int) -> DeclaredRatio:

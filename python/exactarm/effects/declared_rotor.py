@@ -6,7 +6,6 @@ torque = inertia ratio theta_ddot on the output side.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -18,10 +17,10 @@ from exactarm.effects.drive import DriveEffect
 class DeclaredRotor(DriveEffect):
     """Rotor inertia of one motor, in the robot's tables."""
 
-    name: ClassVar[str] = "declared_rotor"
-    declared: ClassVar[bool] = True
-    inertia_of: ClassVar[str] = "rotor"
-    sentence: ClassVar[str] = "the motor of axis {joint} has {inertia_kg_m2:.3g} kg m2 about its shaft"
+    name = "declared_rotor"
+    declared = True
+    inertia_of = "rotor"
+    sentence = "the motor of axis {joint} has {inertia_kg_m2:.3g} kg m2 about its shaft"
 
     @staticmethod
     def of(robot, index: int) -> DeclaredRotor:

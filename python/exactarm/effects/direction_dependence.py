@@ -4,11 +4,8 @@ The tables of both directions differ by twice the effect: f = direction of motio
 (chain/direction.py).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -21,14 +18,12 @@ from exactarm.effects.harmonic_family import HarmonicFamily, declared_orders, se
 class DirectionDependence(HarmonicFamily):
     """Half the difference of a_k, b_k between counter-clockwise and clockwise motion."""
 
-    name: ClassVar[str] = "direction_dependence"
-    plain: ClassVar[str] = "gear errors that depend on the direction"
-    kinds: ClassVar[tuple[str, ...]] = ALL_KINDS
-    compensable: ClassVar[bool] = True
-    sentence: ClassVar[
-        str
-    ] = "the harmonic {order_per_rev:.2f} of gear {joint} depends on the direction of motion"
-    source: ClassVar[str] = "thesis 3.1.2, Tables A.6 to A.11"
+    name = "direction_dependence"
+    plain = "gear errors that depend on the direction"
+    kinds = ALL_KINDS
+    compensable = True
+    sentence = "the harmonic {order_per_rev:.2f} of gear {joint} depends on the direction of motion"
+    source = "thesis 3.1.2, Tables A.6 to A.11"
 
     def factor(self, view):
         return view.direction[:, self.index], {}

@@ -5,8 +5,6 @@ the motor side of the spring. sign(rate) is smoothed to tanh(rate / width) (Ande
 rest being in no defined state of friction.
 """
 
-from __future__ import annotations
-
 from abc import ABC
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -73,10 +71,11 @@ def _log_cosh(x: np.ndarray) -> np.ndarray:
 class DriveEffect(Effect, ABC):
     """Adds to the drive torque of one axis, Nm on the output side."""
 
-    station: ClassVar[Station] = Station.DRIVE
-    in_axis_units: ClassVar[bool] = True
-    kinds: ClassVar[tuple[str, ...]] = (MOTION.name,)
-    compensable: ClassVar[bool] = False  # changes the torque that is needed, not where the arm goes
+    station = Station.DRIVE
+    in_axis_units = True
+    kinds = (MOTION.name,)
+    compensable = False  # changes the torque that is needed, not where the arm goes
+    unless_declared: ClassVar[str] = ""  # field of a joint: no candidate where the tables have it
 
     def rate(self, view) -> np.ndarray:
         """(N,) motor rate on the output side, rad/s."""
@@ -111,7 +110,8 @@ class DriveEffect(Effect, ABC):
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
-        return (cls(i + 1, (0.0,) * len(cls(i + 1, ()).parameters())) for i in moving_axes(view))
+        return (cls(i + 1, (0.0,) * len(cls(i + 1, ()).parameters())) for i in moving_axes(view)
+                if not cls.unless_declared or getattr(robot.joints[i], cls.unless_declared) is None)
 
 
 def moving_axes(view) -> list[int]:

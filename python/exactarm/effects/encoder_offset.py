@@ -1,9 +1,6 @@
 """Encoder offset: the zero of an encoder behind the gear against the motor's, one for each run and axis."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import ClassVar
 
 from exactarm.data.kinds import GEAR_RUN
 from exactarm.effects.base import Change, Effect, Parameter, Station
@@ -16,11 +13,11 @@ class EncoderOffset(Effect):
     run: int = 1
     column: int = 0
 
-    name: ClassVar[str] = "encoder_offset"
-    station: ClassVar[Station] = Station.DEVICE
-    kinds: ClassVar[tuple[str, ...]] = (GEAR_RUN.name,)
-    declared: ClassVar[bool] = True
-    sentence: ClassVar[str] = "the encoders of axis {joint} differ by {offset_rad:.4g} rad in one run"
+    name = "encoder_offset"
+    station = Station.DEVICE
+    kinds = (GEAR_RUN.name,)
+    declared = True
+    sentence = "the encoders of axis {joint} differ by {offset_rad:.4g} rad in one run"
 
     @property
     def zero_of(self) -> int:

@@ -13,7 +13,6 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 
@@ -48,14 +47,13 @@ class Expression(Effect):
     heading: str = ""
     searched: tuple[tuple[str, tuple[float, ...]], ...] = ()
 
-    name: ClassVar[str] = "expression"
-    station: ClassVar[Station] = Station.SPRING
-    kinds: ClassVar[tuple[str, ...]] = ALL_KINDS
-    repeatable: ClassVar[bool] = True
-    source: ClassVar[str] = "a draft that was accepted"
-    open_parameters: ClassVar[
-        str
-    ] = "the names in its formula that are no signals, each with its plausible size in the draft"
+    name = "expression"
+    station = Station.SPRING
+    kinds = ALL_KINDS
+    repeatable = True
+    source = "a draft that was accepted"
+    open_parameters = (
+        "the names in its formula that are no signals, each with its plausible size in the draft")
 
     @property
     def compensable(self) -> bool:  # type: ignore[override]
@@ -86,10 +84,8 @@ class Expression(Effect):
     def label(self) -> str:
         if len(self.form) <= _LONGEST_LABEL:
             return f"{self.name}_{self.joint}: {self.form}"
-        return (
-            f"{self.name}_{self.joint}: series in {', '.join(self.of)} "
-            f"({hashlib.sha256(self.form.encode()).hexdigest()[:6]})"
-        )
+        return (f"{self.name}_{self.joint}: series in {', '.join(self.of)} "
+                f"({hashlib.sha256(self.form.encode()).hexdigest()[:6]})")
 
     @property
     def in_plain_words(self) -> str:
@@ -172,10 +168,8 @@ def signal_of(view, signal: str) -> np.ndarray:
     """(N,) a signal by the name that it has in formulas."""
     match = _OF_AXIS.match(signal)
     if match is None:
-        return (
-            slow_signal(view.data, TIME)
-            if signal == "time_h" else np.asarray(view.data.covariates[signal], float)
-        )
+        return (slow_signal(view.data, TIME)
+                if signal == "time_h" else np.asarray(view.data.covariates[signal], float))
     kind, index = match[1], int(match[2]) - 1
     if kind == "q":
         return view.phi[:, index] + view.robot.offsets[index]

@@ -8,7 +8,6 @@ x_measured = p_base + R_base (p_n + R_n p_tool).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -19,7 +18,8 @@ from exactarm.numerics.rotation import exp, left_jacobian, log, skew
 from exactarm.robot.controller_frames import apart, base_in_device, target_on_flange
 from exactarm.robot.robot import Placement
 
-_AXES = ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad")
+_NAMES = tuple(f"{frame}_{axis}" for frame in ("base", "tool")
+               for axis in ("x_m", "y_m", "z_m", "rx_rad", "ry_rad", "rz_rad"))
 
 
 @dataclass(frozen=True)
@@ -27,22 +27,20 @@ class Frames(Effect):
     """Base and tool frame of one session; `names`: which of their numbers are parameters."""
 
     session: int = 1
-    names: tuple[str, ...] = tuple(f"base_{axis}"
-                                   for axis in _AXES) + tuple(f"tool_{axis}" for axis in _AXES[:3])
+    names: tuple[str, ...] = _NAMES[:9]
 
-    name: ClassVar[str] = "frames"
-    station: ClassVar[Station] = Station.GEOMETRY
-    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
-    declared: ClassVar[bool] = True
-    per_joint: ClassVar[bool] = False
-    sentence: ClassVar[str] = "base and tool frames of a set-up"
+    name = "frames"
+    station = Station.GEOMETRY
+    kinds = WITH_TARGET
+    declared = True
+    per_joint = False
+    sentence = "base and tool frames of a set-up"
 
     @staticmethod
     def of(session: int, base, tool, orientation: bool) -> Frames:
         numbers = np.concatenate([base.position, log(base.rotation), tool.position, log(tool.rotation)])
-        names = tuple(f"base_{axis}" for axis in _AXES) + tuple(f"tool_{axis}" for axis in _AXES)
         count = 12 if orientation else 9
-        return Frames(None, tuple(float(v) for v in numbers[:count]), session, names[:count])
+        return Frames(None, tuple(float(v) for v in numbers[:count]), session, _NAMES[:count])
 
     def carries_from(self, joint: int) -> np.ndarray:
         return np.array([name.startswith("base") for name in self.names])
@@ -70,8 +68,7 @@ class Frames(Effect):
         return base, replace(tool, rotation=exp(v[9:12])) if len(v) == 12 else tool
 
     def in_frames_of(self, controller):
-        """base C^-1 and F^-1 tool: of the controller's base in the device's frame, of the target on its
-        flange."""
+        """base C^-1 and F^-1 tool: the controller's base in the device's frame, the target on its flange."""
         v, slope = np.asarray(self.values), np.eye(len(self.values))
         if not apart(controller):
             return v, slope

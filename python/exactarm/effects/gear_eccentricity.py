@@ -5,11 +5,8 @@ change of phi = c1 cos(phi) + s1 sin(phi) + c2 cos(2 phi) + s2 sin(2 phi), ampli
 part is an offset of the axis (the declared model has it).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -28,14 +25,14 @@ class GearEccentricity(Effect):
 
     second: bool = True
 
-    name: ClassVar[str] = "gear_eccentricity"
-    plain: ClassVar[str] = "run-out (once and twice a turn)"
-    station: ClassVar[Station] = Station.GEAR
-    kinds: ClassVar[tuple[str, ...]] = ALL_KINDS
-    compensable: ClassVar[bool] = True
-    family: ClassVar[str] = "gear curve"
-    sentence: ClassVar[str] = "the output of gear {joint} runs out of true, once and twice per revolution"
-    source: ClassVar[str] = "Mark, Performance-Based Gear Metrology (2013): run-out"
+    name = "gear_eccentricity"
+    plain = "run-out (once and twice a turn)"
+    station = Station.GEAR
+    kinds = ALL_KINDS
+    compensable = True
+    family = "gear curve"
+    sentence = "the output of gear {joint} runs out of true, once and twice per revolution"
+    source = "Mark, Performance-Based Gear Metrology (2013): run-out"
 
     def orders(self) -> tuple[tuple[float, float], ...]:
         return tuple((1.0 + k, float(np.hypot(*self.values[2 * k : 2 * k + 2])))

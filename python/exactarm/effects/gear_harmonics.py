@@ -6,11 +6,8 @@ them as one regularised curve of the output angle: between poses, a free Fourier
 same in both directions of motion. Orders of one rotating element and its multiples belong together.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -32,15 +29,13 @@ _LAW_ORDERS = (20, 40, 80)  # waves of 4.5 degrees; the fit grows with the squar
 class GearHarmonics(HarmonicFamily):
     """a_k, b_k relative to the gear ratio."""
 
-    name: ClassVar[str] = "gear_harmonics"
-    plain: ClassVar[str] = "angle errors that repeat every turn"
-    kinds: ClassVar[tuple[str, ...]] = ALL_KINDS
-    compensable: ClassVar[bool] = True
-    family: ClassVar[str] = "gear curve"
-    sentence: ClassVar[
-        str
-    ] = "the ratio of gear {joint} swings {order_per_rev:.2f} times per output revolution"
-    source: ClassVar[str] = "thesis 2.2.1, E5"
+    name = "gear_harmonics"
+    plain = "angle errors that repeat every turn"
+    kinds = ALL_KINDS
+    compensable = True
+    family = "gear curve"
+    sentence = "the ratio of gear {joint} swings {order_per_rev:.2f} times per output revolution"
+    source = "thesis 2.2.1, E5"
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:

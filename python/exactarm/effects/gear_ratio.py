@@ -4,11 +4,8 @@ phi = Xi^{-1}(theta) with Xi proportional to the ratio; as a scale error s of th
 declared gear delivers: change of phi = s phi (theta = ratio / (1 + s) phi; thesis (2.11), (3.12)).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 from exactarm.data.kinds import ALL_KINDS
 from exactarm.effects.base import Change, Effect, Parameter, Station
@@ -18,16 +15,14 @@ from exactarm.effects.base import Change, Effect, Parameter, Station
 class GearRatio(Effect):
     """Relative scale of one axis' output angle."""
 
-    name: ClassVar[str] = "gear_ratio"
-    plain: ClassVar[str] = "a wrong gear ratio"
-    station: ClassVar[Station] = Station.GEAR
-    kinds: ClassVar[tuple[str, ...]] = ALL_KINDS
-    compensable: ClassVar[bool] = True
-    log_odds: ClassVar[float] = -1.0  # a ratio is a count of teeth; the scale of a sensor is no such thing
-    sentence: ClassVar[
-        str
-    ] = "the gear of axis {joint} turns its output by the factor 1 + {scale:.3g} of what is declared"
-    source: ClassVar[str] = "thesis (2.11), (3.12)"
+    name = "gear_ratio"
+    plain = "a wrong gear ratio"
+    station = Station.GEAR
+    kinds = ALL_KINDS
+    compensable = True
+    log_odds = -1.0  # a ratio is a count of teeth; the scale of a sensor is no such thing
+    sentence = "the gear of axis {joint} turns its output by the factor 1 + {scale:.3g} of what is declared"
+    source = "thesis (2.11), (3.12)"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("scale", 2e-3, -0.2, 0.2),)

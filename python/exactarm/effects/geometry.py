@@ -7,7 +7,6 @@ Values are the parameters themselves, in the robot's tables.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -24,12 +23,12 @@ class Geometry(Effect):
 
     names: tuple[str, ...] = ("d_m", "a_m", "alpha_rad")
 
-    name: ClassVar[str] = "geometry"
-    station: ClassVar[Station] = Station.GEOMETRY
-    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
-    compensable: ClassVar[bool] = True
-    declared: ClassVar[bool] = True
-    sentence: ClassVar[str] = "frame {joint} deviates from its drawing"
+    name = "geometry"
+    station = Station.GEOMETRY
+    kinds = WITH_TARGET
+    compensable = True
+    declared = True
+    sentence = "frame {joint} deviates from its drawing"
 
     @staticmethod
     def of(robot, index: int) -> Geometry:

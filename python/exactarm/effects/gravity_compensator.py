@@ -7,11 +7,8 @@ generic (robot/generic_masses.py) and the load of the axis is not measured: it w
 nobody knows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -25,24 +22,21 @@ class GravityCompensator(Effect):
 
     crank: bool = False
 
-    name: ClassVar[str] = "gravity_compensator"
-    station: ClassVar[Station] = Station.LOAD
-    kinds: ClassVar[tuple[str, ...]] = (MOTION.name, TRACKED_MOTION.name)
-    compensable: ClassVar[bool] = True
-    sentence: ClassVar[str] = (
+    name = "gravity_compensator"
+    station = Station.LOAD
+    kinds = (MOTION.name, TRACKED_MOTION.name)
+    compensable = True
+    sentence = (
         "a spring takes load off axis {joint}: {stiffness_Nm_per_rad:.3g} Nm/rad, preload {preload_Nm:.3g} "
         "Nm, "
-        "crank {cosine_Nm:.3g} and {sine_Nm:.3g} Nm"
-    )
-    source: ClassVar[str] = "Klimchik, Wu, Dumas, Caro, Furet and Pashkevich 2013"
+        "crank {cosine_Nm:.3g} and {sine_Nm:.3g} Nm")
+    source = "Klimchik, Wu, Dumas, Caro, Furet and Pashkevich 2013"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter("stiffness_Nm_per_rad", 200.0, fixed=self.crank),
-            Parameter("preload_Nm", 100.0, fixed=self.crank),
-            Parameter("cosine_Nm", 200.0, fixed=not self.crank),
-            Parameter("sine_Nm", 200.0, fixed=not self.crank),
-        )
+        return (Parameter("stiffness_Nm_per_rad", 200.0, fixed=self.crank),
+                Parameter("preload_Nm", 100.0, fixed=self.crank),
+                Parameter("cosine_Nm", 200.0, fixed=not self.crank),
+                Parameter("sine_Nm", 200.0, fixed=not self.crank))
 
     def change(self, view) -> Change:
         stiffness, _, cosine, sine = self.values

@@ -5,8 +5,6 @@
 and its derivative by the joint angles. Static: what the arm's acceleration adds is left out.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

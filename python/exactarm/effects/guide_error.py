@@ -14,12 +14,9 @@ of a rail whose curvature is white noise: sd(A_k) = size (2 / k)^2, and turns as
 sd(B_k) = sd(A_k) k pi / R. Constant shifts and turns, and shifts in proportion to x, are the geometry's.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -48,13 +45,13 @@ class GuideError(Effect):
     seen: tuple[float, float] = (0.0, 1.0)
     size_m: float = 1e-4
 
-    name: ClassVar[str] = "guide_error"
-    plain: ClassVar[str] = "a guide that is not straight"
-    station: ClassVar[Station] = Station.GEOMETRY
-    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
-    compensable: ClassVar[bool] = True
-    source: ClassVar[str] = "ISO 230-1:2012, error motions of a linear axis"
-    open_parameters: ClassVar[str] = "of each motion as many terms as were fitted, each with its prior"
+    name = "guide_error"
+    plain = "a guide that is not straight"
+    station = Station.GEOMETRY
+    kinds = WITH_TARGET
+    compensable = True
+    source = "ISO 230-1:2012, error motions of a linear axis"
+    open_parameters = "of each motion as many terms as were fitted, each with its prior"
 
     @property
     def waves(self) -> int:

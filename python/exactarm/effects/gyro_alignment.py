@@ -5,10 +5,7 @@ omega_nominal. F turns the sensor upside down (half a turn about x) where its z 
 axis. Part of the declared model: re-identified, one pair of angles for each set-up and moving axis.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -26,14 +23,12 @@ class GyroAlignment(Effect):
     session: int = 1
     flipped: bool = False
 
-    name: ClassVar[str] = "gyro_alignment"
-    station: ClassVar[Station] = Station.DEVICE
-    kinds: ClassVar[tuple[str, ...]] = (GEAR_RUN.name,)
-    declared: ClassVar[bool] = True
-    sentence: ClassVar[
-        str
-    ] = "the gyroscope is tilted by {alpha_rad:.4g} and {beta_rad:.4g} rad against axis {joint}"
-    source: ClassVar[str] = "thesis (3.3)"
+    name = "gyro_alignment"
+    station = Station.DEVICE
+    kinds = (GEAR_RUN.name,)
+    declared = True
+    sentence = "the gyroscope is tilted by {alpha_rad:.4g} and {beta_rad:.4g} rad against axis {joint}"
+    source = "thesis (3.3)"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("alpha_rad", 0.02), Parameter("beta_rad", 0.02))
@@ -76,8 +71,7 @@ def tilt(alpha: float, beta: float) -> np.ndarray:
 
 
 def aligning_angles(axis: np.ndarray) -> tuple[float, float]:
-    """alpha, beta of (3.3) in closed form: the turns that bring the direction `axis` (3,) of the sensor onto
-    z."""
+    """alpha, beta of (3.3) in closed form: turns that bring the sensor's direction `axis` (3,) onto z."""
     x, y, z = axis / np.linalg.norm(axis)
     beta = np.arctan2(-x, z)
     return float(np.arctan2(y, np.hypot(x, z))), float(beta)

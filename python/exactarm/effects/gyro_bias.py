@@ -1,10 +1,7 @@
 """Gyroscope bias: a constant rate that the sensor reads at rest, per axis of the sensor."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -20,12 +17,12 @@ _LIKELY_RAD_S = 0.01
 class GyroBias(Effect):
     """Bias of the three axes."""
 
-    name: ClassVar[str] = "gyro_bias"
-    station: ClassVar[Station] = Station.DEVICE
-    kinds: ClassVar[tuple[str, ...]] = (GEAR_RUN.name,)
-    per_joint: ClassVar[bool] = False
-    sentence: ClassVar[str] = "the gyroscope reads {z_rad_s:.3g} rad/s at rest along the moving axis"
-    source: ClassVar[str] = "IEEE Std 1431: bias"
+    name = "gyro_bias"
+    station = Station.DEVICE
+    kinds = (GEAR_RUN.name,)
+    per_joint = False
+    sentence = "the gyroscope reads {z_rad_s:.3g} rad/s at rest along the moving axis"
+    source = "IEEE Std 1431: bias"
 
     def parameters(self) -> tuple[Parameter, ...]:
         names = ("x_rad_s", "y_rad_s", "z_rad_s")

@@ -9,11 +9,8 @@ from them: its column of K is held at zero. Either the row of the moving axis al
 three.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -31,26 +28,22 @@ class GyroGSensitivity(Effect):
     rows: tuple[int, ...] = (0, 1, 2)
     columns: tuple[int, ...] = (0, 1, 2)
 
-    name: ClassVar[str] = "gyro_g_sensitivity"
-    station: ClassVar[Station] = Station.DEVICE
-    kinds: ClassVar[tuple[str, ...]] = (GEAR_RUN.name,)
-    per_joint: ClassVar[bool] = False
-    sentence: ClassVar[str] = "the gyroscope's reading follows gravity as the sensor turns in it"
-    source: ClassVar[str] = "IEEE Std 1431: g-sensitive drift"
+    name = "gyro_g_sensitivity"
+    station = Station.DEVICE
+    kinds = (GEAR_RUN.name,)
+    per_joint = False
+    sentence = "the gyroscope's reading follows gravity as the sensor turns in it"
+    source = "IEEE Std 1431: g-sensitive drift"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        return tuple(
-            Parameter(f"{'xyz'[row]}{'xyz'[column]}_rad_s_per_g", 2e-3, -1.0, 1.0,
-                      fixed=row not in self.rows or column not in self.columns)
-            for row, column in _ENTRIES
-        )
+        return tuple(Parameter(f"{'xyz'[row]}{'xyz'[column]}_rad_s_per_g", 2e-3, -1.0, 1.0,
+                               fixed=row not in self.rows or column not in self.columns)
+                     for row, column in _ENTRIES)
 
     def caveat(self, covariance: np.ndarray) -> str:
         held = [f"{'xyz'[column]}" for column in range(3) if column not in self.columns]
-        return (
-            f"the runs do not show forces along the sensor's {' and '.join(held)}: held at zero"
-            if held else ""
-        )
+        return (f"the runs do not show forces along the sensor's {' and '.join(held)}: held at zero"
+                if held else "")
 
     def change(self, view) -> Change:
         force = view.signals["specific_force"]
@@ -79,8 +72,7 @@ class GyroGSensitivity(Effect):
 
 
 def shown_components(force: np.ndarray) -> tuple[int, ...]:
-    """Components of a force (N, 3) that vary by themselves, the strongest first to be taken; numbers from 0,
-    rising."""
+    """Components of a force (N, 3) that vary by themselves, the strongest taken first; from 0, rising."""
     left, found = force - force.mean(axis=0) if len(force) else force, []
     while len(left):
         sizes = np.sqrt(np.mean(left**2, axis=0))

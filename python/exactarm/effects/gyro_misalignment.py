@@ -4,11 +4,8 @@ From run `first_run` on the reading is turned by a small rotation vector (x, y; 
 while z is the moving axis). The constant tilt is part of the declared model (gyro_alignment).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -24,14 +21,14 @@ class GyroMisalignment(Effect):
 
     search: tuple[float, ...] = ()
 
-    name: ClassVar[str] = "gyro_misalignment"
-    station: ClassVar[Station] = Station.DEVICE
-    kinds: ClassVar[tuple[str, ...]] = (GEAR_RUN.name,)
-    per_joint: ClassVar[bool] = False
-    sentence: ClassVar[
-        str
-    ] = "from run {first_run:.0f} on the gyroscope is tilted by {about_x_rad:.3g}, {about_y_rad:.3g} rad more"
-    source: ClassVar[str] = "IEEE Std 1431: misalignment"
+    name = "gyro_misalignment"
+    station = Station.DEVICE
+    kinds = (GEAR_RUN.name,)
+    per_joint = False
+    sentence = (
+        "from run {first_run:.0f} on the gyroscope is tilted by {about_x_rad:.3g}, {about_y_rad:.3g} rad "
+        "more")
+    source = "IEEE Std 1431: misalignment"
 
     def parameters(self) -> tuple[Parameter, ...]:
         # The number of a run has no derivative: it is searched, then held.

@@ -1,10 +1,7 @@
 """Gyroscope scale: the sensor's sensitivity is off, measured = (1 + scale) rate, the same on all its axes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -16,12 +13,12 @@ from exactarm.effects.base import Change, Effect, Parameter, Station
 class GyroScale(Effect):
     """One relative scale error."""
 
-    name: ClassVar[str] = "gyro_scale"
-    station: ClassVar[Station] = Station.DEVICE
-    kinds: ClassVar[tuple[str, ...]] = (GEAR_RUN.name,)
-    per_joint: ClassVar[bool] = False
-    sentence: ClassVar[str] = "the gyroscope reads 1 + {scale:.3g} times the rate"
-    source: ClassVar[str] = "IEEE Std 1431: scale factor error"
+    name = "gyro_scale"
+    station = Station.DEVICE
+    kinds = (GEAR_RUN.name,)
+    per_joint = False
+    sentence = "the gyroscope reads 1 + {scale:.3g} times the rate"
+    source = "IEEE Std 1431: scale factor error"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("scale", 5e-3, -0.2, 0.2),)

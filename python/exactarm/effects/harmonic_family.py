@@ -157,8 +157,7 @@ class HarmonicFamily(Effect):
             yield replace(self, values=(order,) + (0.0, 0.0) * (self.multiples + 1), search=(order,))
 
     def companions(self) -> Iterable[Effect]:
-        """The overtone of one wave, wherever it lies: a wave generator has it at four times the motor's
-        turn."""
+        """The overtone of one wave, wherever it lies: a wave generator's at four times the motor's turn."""
         if self.curve_rad == 0.0 and self.multiples == 1:
             yield self.zero(self.joint, (2.0 * self.values[0],))
 
@@ -172,7 +171,8 @@ class HarmonicFamily(Effect):
         return self.curve_rad * orders / np.maximum(1.0, orders / _CURVE_KNEE) ** 1.5
 
     def parameter_label(self, parameter: Parameter) -> str:
-        return f"{self.label}_order_{self.values[0]:.0f}.{parameter.name}"
+        order = f"_order_{self.values[0]:.0f}" if self.repeatable else ""
+        return f"{self.label}{order}.{parameter.name}"
 
     def change(self, view) -> Change:
         order, multiple = self.values[0], np.arange(1, self.multiples + 1)

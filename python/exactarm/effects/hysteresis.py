@@ -15,11 +15,8 @@ friction: Maxwell-slip element, Al-Bender et al. 2005), m = +-1 after a motion o
 is that of the motor at the nominal ratio, so m does not depend on other parameters.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -37,16 +34,14 @@ class Hysteresis(Effect):
     search: tuple[float, ...] = ()
     by_rows: bool = False
 
-    name: ClassVar[str] = "hysteresis"
-    plain: ClassVar[str] = "lost motion (the angle lags by the side from which it comes)"
-    in_axis_units: ClassVar[bool] = True
-    station: ClassVar[Station] = Station.SPRING
-    kinds: ClassVar[tuple[str, ...]] = ALL_KINDS
-    smooth: ClassVar[bool] = False
-    sentence: ClassVar[
-        str
-    ] = "axis {joint} stays {size_rad:.3g} rad behind, in the direction from which it comes"
-    source: ClassVar[str] = "Al-Bender, Lampaert and Swevers 2005"
+    name = "hysteresis"
+    plain = "lost motion (the angle lags by the side from which it comes)"
+    in_axis_units = True
+    station = Station.SPRING
+    kinds = ALL_KINDS
+    smooth = False
+    sentence = "axis {joint} stays {size_rad:.3g} rad behind, in the direction from which it comes"
+    source = "Al-Bender, Lampaert and Swevers 2005"
 
     def parameters(self) -> tuple[Parameter, ...]:
         size = Parameter("size_rad", 2e-4, -1e-2, 1e-2)

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -40,23 +39,19 @@ class JointCompliance(Effect):
     cubic_free: bool = False
     beside_spring: bool = True
 
-    name: ClassVar[str] = "joint_compliance"
-    plain: ClassVar[str] = "a joint that gives way under load"
-    in_axis_units: ClassVar[bool] = True
-    station: ClassVar[Station] = Station.SPRING
-    kinds: ClassVar[tuple[str, ...]] = (POSES.name, MOTION.name, TRACKED_MOTION.name)
-    compensable: ClassVar[bool] = True
-    by_load: ClassVar[bool] = True
-    sentence: ClassVar[
-        str
-    ] = "axis {joint} gives way by {linear_rad_per_Nm:.3g} rad for every Nm that it carries"
-    source: ClassVar[str] = "thesis 1.1.2, (2.18), E4; Caenen and Angue 1990"
+    name = "joint_compliance"
+    plain = "a joint that gives way under load"
+    in_axis_units = True
+    station = Station.SPRING
+    kinds = (POSES.name, MOTION.name, TRACKED_MOTION.name)
+    compensable = True
+    by_load = True
+    sentence = "axis {joint} gives way by {linear_rad_per_Nm:.3g} rad for every Nm that it carries"
+    source = "thesis 1.1.2, (2.18), E4; Caenen and Angue 1990"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter("linear_rad_per_Nm", _PLAUSIBLE, -np.inf if self.beside_spring else 0.0),
-            Parameter("cubic_rad_per_Nm3", 1e-12, fixed=not self.cubic_free),
-        )
+        return (Parameter("linear_rad_per_Nm", _PLAUSIBLE, -np.inf if self.beside_spring else 0.0),
+                Parameter("cubic_rad_per_Nm3", 1e-12, fixed=not self.cubic_free))
 
     def possible(self, robot) -> bool:
         stiffness = robot.joints[self.index].spring_linear
@@ -103,8 +98,8 @@ class RelativeCompliance(JointCompliance):
     own_free: bool = False
     links: tuple[int, int] | None = None
 
-    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
-    sentence: ClassVar[str] = "axis {joint} gives way by {linear_rad_per_Nm:.3g} rad for every Nm of its load"
+    kinds = WITH_TARGET
+    sentence = "axis {joint} gives way by {linear_rad_per_Nm:.3g} rad for every Nm of its load"
 
     def parameters(self) -> tuple[Parameter, ...]:
         linear = abs(self.values[0]) if self.values else 0.0
@@ -113,8 +108,7 @@ class RelativeCompliance(JointCompliance):
             Parameter("linear_rad_per_Nm", _PLAUSIBLE, -np.inf if self.beside_spring else 0.0),
             Parameter("tip_rad_per_Nm", _PLAUSIBLE, fixed=not self.tip_free),
             Parameter("own_rad_per_Nm", _PLAUSIBLE, fixed=not self.own_free),
-            *(Parameter(name, DISTRIBUTION * _PLAUSIBLE, prior=spread) for name in _moment_names(self.links)),
-        )
+            *(Parameter(name, DISTRIBUTION * _PLAUSIBLE, prior=spread) for name in _moment_names(self.links)))
 
     def describe(self) -> str:
         return super().describe() + ("" if self.own_free else ", as a generic distribution of masses has it")
@@ -136,9 +130,8 @@ class RelativeCompliance(JointCompliance):
         return Change((i,), -columns @ np.array(self.values)[:, None], -columns[:, None, :], signals)
 
     @classmethod
-    def none_of(
-        cls, robot, index: int, tip_free: bool = True, own_free: bool = False, moments: bool = False
-    ) -> RelativeCompliance:
+    def none_of(cls, robot, index: int, tip_free: bool = True, own_free: bool = False,
+                moments: bool = False) -> RelativeCompliance:
         links = (index + 1, robot.axes) if moments else None
         return cls(index + 1, (0.0,) * (3 + len(_moment_names(links))), False,
                    bool(robot.joints[index].spring_linear), tip_free, own_free, links)

@@ -6,11 +6,8 @@ takes the motor's gear for: what a calibration finds for that gear is no part of
 per rad where the turned axis slides, rad per m where the motor's does; the key in files stays.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -25,16 +22,14 @@ class JointCoupling(Effect):
     """`joint` is the axis that is turned; values: the axis whose motor turns it, and how far per radian
     (m) of output."""
 
-    name: ClassVar[str] = "joint_coupling"
-    plain: ClassVar[str] = "a motor that turns another axis too"
-    station: ClassVar[Station] = Station.GEAR
-    kinds: ClassVar[tuple[str, ...]] = ALL_KINDS
-    compensable: ClassVar[bool] = True
-    by_design: ClassVar[bool] = True
-    sentence: ClassVar[
-        str
-    ] = "the motor of axis {motor:.0f} turns axis {joint} by {coupling_rad_per_rad:.3g} rad per rad"
-    source: ClassVar[str] = "Siciliano et al., Robotics (2009), transmission coupling"
+    name = "joint_coupling"
+    plain = "a motor that turns another axis too"
+    station = Station.GEAR
+    kinds = ALL_KINDS
+    compensable = True
+    by_design = True
+    sentence = "the motor of axis {motor:.0f} turns axis {joint} by {coupling_rad_per_rad:.3g} rad per rad"
+    source = "Siciliano et al., Robotics (2009), transmission coupling"
 
     @property
     def label(self) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -18,11 +17,11 @@ class JointOffset(Effect):
 
     slides: bool = False
 
-    name: ClassVar[str] = "joint_offset"
-    station: ClassVar[Station] = Station.SPRING
-    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
-    compensable: ClassVar[bool] = True
-    declared: ClassVar[bool] = True
+    name = "joint_offset"
+    station = Station.SPRING
+    kinds = WITH_TARGET
+    compensable = True
+    declared = True
 
     @staticmethod
     def of(robot, index: int) -> JointOffset:

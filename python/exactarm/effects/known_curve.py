@@ -38,12 +38,9 @@ class KnownCurve:
     prior: float
 
     @staticmethod
-    def of(
-        basis: Callable[[np.ndarray], np.ndarray], covariance: np.ndarray,
-        prior: float, measured: np.ndarray,
-    ) -> KnownCurve:
-        """basis: angles (N,) -> (N, k) of coefficients with covariance (k, k); measured (N,)
-        angles, rad."""
+    def of(basis: Callable[[np.ndarray], np.ndarray], covariance: np.ndarray,
+           prior: float, measured: np.ndarray) -> KnownCurve:
+        """basis: angles (N,) -> (N, k) of coefficients with covariance (k, k); measured (N,) angles, rad."""
         seen = basis(measured)
         mean = seen.mean(axis=0)
         around = basis(_TURN * np.arange(POINTS) / POINTS) - mean

@@ -6,11 +6,8 @@ part of the joint stiffness matrix across the axis that a torsion spring about i
 Weigold and Rothenbuecher 2007; Klimchik et al. 2013).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -24,16 +21,14 @@ from exactarm.effects.moving_frames import turned_about
 class LinkCompliance(Effect):
     """Bending of bearing and link at one joint, the same in both directions across the axis."""
 
-    name: ClassVar[str] = "link_compliance"
-    plain: ClassVar[str] = "a link or bearing that bends under load"
-    station: ClassVar[Station] = Station.GEOMETRY
-    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
-    compensable: ClassVar[bool] = True
-    by_load: ClassVar[bool] = True
-    sentence: ClassVar[
-        str
-    ] = "bearing and link of axis {joint} bend across the axis by {rad_per_Nm:.3g} rad per Nm"
-    source: ClassVar[str] = "Abele, Weigold and Rothenbuecher 2007; Klimchik et al. 2013"
+    name = "link_compliance"
+    plain = "a link or bearing that bends under load"
+    station = Station.GEOMETRY
+    kinds = WITH_TARGET
+    compensable = True
+    by_load = True
+    sentence = "bearing and link of axis {joint} bend across the axis by {rad_per_Nm:.3g} rad per Nm"
+    source = "Abele, Weigold and Rothenbuecher 2007; Klimchik et al. 2013"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("rad_per_Nm", 2e-6, 0.0),)
@@ -43,11 +38,10 @@ class LinkCompliance(Effect):
         at = gravity_moment(view, self.index)
         along = np.sum(at.axis * at.moment, axis=1)
         across = at.moment - at.axis * along[:, None]
-        along_by_q = np.einsum("ni,nij->nj", at.axis,
-                               at.moment_by_q) + np.einsum("ni,nij->nj", at.moment, at.axis_by_q)
-        across_by_q = at.moment_by_q - at.axis_by_q * along[:, None,
-                                                            None] - at.axis[:, :, None] * along_by_q[:, None,
-                                                                                                     :]
+        along_by_q = (np.einsum("ni,nij->nj", at.axis, at.moment_by_q)
+                      + np.einsum("ni,nij->nj", at.moment, at.axis_by_q))
+        across_by_q = (at.moment_by_q - at.axis_by_q * along[:, None, None]
+                       - at.axis[:, :, None] * along_by_q[:, None, :])
         value, by_q = turned_about(view, across, across_by_q, at.point, at.point_by_q)
         return Change(tuple(range(6)), compliance * value, value[:, :, None], {"q": compliance * by_q})
 

@@ -8,7 +8,6 @@ values.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -28,13 +27,13 @@ class LinkInertia(Effect):
 
     columns: tuple[int, ...] = ()
 
-    name: ClassVar[str] = "link_inertia"
-    station: ClassVar[Station] = Station.LOAD
-    kinds: ClassVar[tuple[str, ...]] = (MOTION.name,)
-    declared: ClassVar[bool] = True
-    inertia_of: ClassVar[str] = "links"
-    per_joint: ClassVar[bool] = False
-    sentence: ClassVar[str] = "inertial parameters of the links"
+    name = "link_inertia"
+    station = Station.LOAD
+    kinds = (MOTION.name,)
+    declared = True
+    inertia_of = "links"
+    per_joint = False
+    sentence = "inertial parameters of the links"
 
     @staticmethod
     def of(robot, columns) -> LinkInertia:
@@ -55,8 +54,7 @@ class LinkInertia(Effect):
         pi[list(self.columns)] = self.values
         touched = {c // 10 for c in self.columns}
         links = tuple(
-            _link(pi[10 * i : 10 * i + 10]) if i in touched else link for i, link in enumerate(robot.links)
-        )
+            _link(pi[10 * i : 10 * i + 10]) if i in touched else link for i, link in enumerate(robot.links))
         return replace(robot, links=links)
 
     def change(self, view) -> Change:

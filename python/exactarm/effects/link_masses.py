@@ -11,11 +11,8 @@ zero. It acts in motions only. MASS is a plausible size, no measurement: casting
 their nominal weight, and cables, grease, covers and screws are in few drawings.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -36,14 +33,14 @@ class LinkMasses(Effect):
     columns: tuple[int, ...] = ()
     sizes: tuple[float, ...] = ()
 
-    name: ClassVar[str] = "link_masses"
-    plain: ClassVar[str] = "true masses of the links"
-    station: ClassVar[Station] = Station.LOAD
-    kinds: ClassVar[tuple[str, ...]] = (MOTION.name,)
-    inertia_of: ClassVar[str] = "links"
-    per_joint: ClassVar[bool] = False
-    source: ClassVar[str] = "Atkeson, An and Hollerbach 1986"
-    open_parameters: ClassVar[str] = "the inertial parameters of every link that has a mass"
+    name = "link_masses"
+    plain = "true masses of the links"
+    station = Station.LOAD
+    kinds = (MOTION.name,)
+    inertia_of = "links"
+    per_joint = False
+    source = "Atkeson, An and Hollerbach 1986"
+    open_parameters = "the inertial parameters of every link that has a mass"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "columns", self.columns or tuple(range(len(self.values))))

@@ -7,11 +7,8 @@ change = -linear torque + friction sign(rate), friction = linear times the torqu
 sign behind the same low-pass; no friction where the load comes from declared masses).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -33,16 +30,16 @@ class LoadDependence(HarmonicFamily):
     of_declared: bool = False
     beside_spring: bool = True
 
-    name: ClassVar[str] = "load_dependence"
-    plain: ClassVar[str] = "gear errors that grow with the load"
-    kinds: ClassVar[tuple[str, ...]] = (GEAR_RUN.name, MOTION.name)
-    compensable: ClassVar[bool] = True
-    by_load: ClassVar[bool] = True
-    repeatable: ClassVar[bool] = False
-    unit: ClassVar[str] = "_per_Nm"
-    plausible: ClassVar[float] = 1e-5
-    sentence: ClassVar[str] = "the error of gear {joint} changes with the torque that it carries"
-    source: ClassVar[str] = "thesis 1.1.1, 1.1.2"
+    name = "load_dependence"
+    plain = "gear errors that grow with the load"
+    kinds = (GEAR_RUN.name, MOTION.name)
+    compensable = True
+    by_load = True
+    repeatable = False
+    unit = "_per_Nm"
+    plausible = 1e-5
+    sentence = "the error of gear {joint} changes with the torque that it carries"
+    source = "thesis 1.1.1, 1.1.2"
 
     def factor(self, view):
         by_torque = np.zeros((view.rows, view.axes))
@@ -57,9 +54,6 @@ class LoadDependence(HarmonicFamily):
         lower = -np.inf if self.beside_spring else 0.0
         return (Parameter("linear_rad_per_Nm", 5e-6, lower),
                 Parameter("friction_rad", 1e-4))[: len(self.values)]
-
-    def parameter_label(self, parameter: Parameter) -> str:
-        return f"{self.label}.{parameter.name}"
 
     def change(self, view) -> Change:
         if len(self.values) > 2:
@@ -78,10 +72,8 @@ class LoadDependence(HarmonicFamily):
 
     def _sign(self, view) -> np.ndarray:
         """(N,) shape of the drive's friction in the load; 0 where the load is the arm's own."""
-        return (
-            view.signals["friction_sign"][:, self.index] if "friction_sign" in view.signals
-            else np.zeros(view.rows)
-        )
+        return (view.signals["friction_sign"][:, self.index] if "friction_sign" in view.signals
+                else np.zeros(view.rows))
 
     @classmethod
     def from_table(cls, table) -> Effect:
@@ -98,10 +90,8 @@ class LoadDependence(HarmonicFamily):
             if np.std(view.torque[:, index]) < _LEAST_SPREAD_NM:
                 continue
             # A measured torque always has the friction of the drive in it.
-            rubs = (
-                "friction_sign" in view.signals
-                and np.ptp(view.signals["friction_sign"][:, index]) > _LEAST_SPREAD_SIGN
-            )
+            rubs = ("friction_sign" in view.signals
+                    and np.ptp(view.signals["friction_sign"][:, index]) > _LEAST_SPREAD_SIGN)
             spring = bool(robot.joints[index].spring_linear)
             yield cls(index + 1, (0.0, 0.0) if rubs else (0.0,), beside_spring=spring)
             if robot.joints[index].has_harmonics:

@@ -3,10 +3,7 @@
 torque = coefficient |joint torque| sign(rate) (Hamon, Gautier and Garrec 2010).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -18,12 +15,10 @@ from exactarm.effects.drive import DriveEffect
 class LoadFriction(DriveEffect):
     """Share of the transmitted torque that one gear loses to friction."""
 
-    name: ClassVar[str] = "load_friction"
-    plain: ClassVar[str] = "friction that grows with the load"
-    sentence: ClassVar[
-        str
-    ] = "friction of axis {joint} grows by {coefficient:.3g} Nm for every Nm that the gear carries"
-    source: ClassVar[str] = "Hamon, Gautier and Garrec 2010"
+    name = "load_friction"
+    plain = "friction that grows with the load"
+    sentence = "friction of axis {joint} grows by {coefficient:.3g} Nm for every Nm that the gear carries"
+    source = "Hamon, Gautier and Garrec 2010"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("coefficient", 0.1, -5.0, 5.0),)
@@ -32,12 +27,9 @@ class LoadFriction(DriveEffect):
         torque = view.torque[:, self.index]
         sign = self.sign(view)
         coefficient = self.values[0]
-        return self.torque_change(
-            view,
-            [np.abs(torque) * sign],
-            **self.slopes(view, by_sign=coefficient * np.abs(torque)),
-            torque=coefficient * np.sign(torque) * sign,
-        )
+        return self.torque_change(view, [np.abs(torque) * sign],
+                                  **self.slopes(view, by_sign=coefficient * np.abs(torque)),
+                                  torque=coefficient * np.sign(torque) * sign)
 
     @classmethod
     def candidates(cls, robot, view):

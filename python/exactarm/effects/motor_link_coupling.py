@@ -11,11 +11,8 @@ C_2):
 tables'.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -27,14 +24,12 @@ from exactarm.effects.base import Change, Effect, Parameter, Station
 class MotorLinkCoupling(Effect):
     """Inertial coupling between rotors and links, which a simplified model leaves out."""
 
-    name: ClassVar[str] = "motor_link_coupling"
-    station: ClassVar[Station] = Station.DRIVE
-    kinds: ClassVar[tuple[str, ...]] = (MOTION.name,)
-    per_joint: ClassVar[bool] = False
-    sentence: ClassVar[
-        str
-    ] = "the spinning rotors load the links that carry them, {share:.3g} of the full coupling"
-    source: ClassVar[str] = "thesis (2.22); Tomei 1991; De Luca and Book 2016"
+    name = "motor_link_coupling"
+    station = Station.DRIVE
+    kinds = (MOTION.name,)
+    per_joint = False
+    sentence = "the spinning rotors load the links that carry them, {share:.3g} of the full coupling"
+    source = "thesis (2.22); Tomei 1991; De Luca and Book 2016"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("share", 1.0, -2.0, 2.0),)

@@ -58,6 +58,6 @@ def turned_about(view, rotation: np.ndarray, rotation_by_q: np.ndarray, point: n
     if target_by_q is not None:
         arm_by_q = target_by_q[:, :3] + arm_by_q
     value = np.concatenate([np.cross(rotation, arm), rotation], axis=1)
-    turned = np.cross(rotation_by_q, arm[:, :, None],
-                      axis=1) + np.cross(rotation[:, :, None], arm_by_q, axis=1)
+    turned = (np.cross(rotation_by_q, arm[:, :, None], axis=1)
+              + np.cross(rotation[:, :, None], arm_by_q, axis=1))
     return value, np.concatenate([turned, rotation_by_q], axis=1)

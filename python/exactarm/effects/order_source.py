@@ -6,8 +6,6 @@ names of parts are what gearboxes of robots have there (wave generator of a stra
 cycloidal one).
 """
 
-from __future__ import annotations
-
 _OUTPUT_ORDERS = 10.0  # below it a part on the output side, with few waves a turn, is likely
 _NEAR = 0.02  # of a motor revolution
 
@@ -24,7 +22,5 @@ def likely_source(order: float, ratio: float | None) -> str:
         return "output: run-out of bearing or encoder disc"
     if abs(order - 2.0) < 0.1:
         return "output: ovality, tilt of the encoder disc"
-    return (
-        "output side: bearing or encoder disc" if order < _OUTPUT_ORDERS
-        else "gear: teeth or rolling elements"
-    )
+    return ("output side: bearing or encoder disc" if order < _OUTPUT_ORDERS
+            else "gear: teeth or rolling elements")

@@ -6,11 +6,8 @@ median / sqrt(median of chi2_3) times sqrt of the chi2_3 quantile that one good 
 this size would reach (Rousseeuw and Hubert 2011). It moves no prediction; it decides which rows count.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from scipy import special
@@ -31,16 +28,14 @@ _ALIKE_COSINE, _ALIKE_SHARE = 0.5, 0.25  # of two random directions, a quarter l
 class Outliers(Effect):
     """Threshold of the residual above which a row is left out."""
 
-    name: ClassVar[str] = "outliers"
-    plain: ClassVar[str] = "single wrong measurements"
-    station: ClassVar[Station] = Station.DEVICE
-    of_record: ClassVar[bool] = True
-    kinds: ClassVar[tuple[str, ...]] = (POSES.name,)
-    per_joint: ClassVar[bool] = False
-    sentence: ClassVar[
-        str
-    ] = "single rows are wrong by themselves: those with more than {threshold_m:.3g} m are left out"
-    source: ClassVar[str] = "Rousseeuw and Hubert 2011"
+    name = "outliers"
+    plain = "single wrong measurements"
+    station = Station.DEVICE
+    of_record = True
+    kinds = (POSES.name,)
+    per_joint = False
+    sentence = "single rows are wrong by themselves: those with more than {threshold_m:.3g} m are left out"
+    source = "Rousseeuw and Hubert 2011"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("threshold_m", 1e-3, 0.0, fixed=True),)
@@ -64,8 +59,7 @@ class Outliers(Effect):
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
-        """None where the wrong rows lie together, in the order of measurement or in space: that is a
-        structure."""
+        """None where the wrong rows lie together, in measuring order or in space: that is a structure."""
         if view.data.position is None or "measured" not in view.signals:
             return ()
         residual = view.data.position - view.measured
@@ -94,10 +88,8 @@ def _gap(norm: np.ndarray, limit: float) -> float:
     above = np.sort(np.append(norm[norm > limit], limit))
     ratio = above[1:] / above[:-1]
     widest = int(np.argmax(ratio)) if len(ratio) else -1
-    return (
-        float(np.sqrt(above[widest] * above[widest + 1])) if widest >= 0 and ratio[widest] > _CLEAR_GAP
-        else np.inf
-    )
+    return (float(np.sqrt(above[widest] * above[widest + 1])) if widest >= 0 and ratio[widest] > _CLEAR_GAP
+            else np.inf)
 
 
 def _scattered(residual: np.ndarray, wrong: np.ndarray, beside: np.ndarray) -> bool:

@@ -7,39 +7,34 @@ Mass and first moment are the parameters, so that a mass of zero is no singular 
 of mass is c = s / m. The derivative of the joint torque is the regressor's (Atkeson, An and Hollerbach 1986).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
 from exactarm import _core
 from exactarm.data.kinds import MOTION, POSES, TRACKED_MOTION
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.robot.pseudo_inertia import ENTRIES
 
 _MASS_FLOOR_KG = 1e-3
 # standard deviations that the mass must be away from zero, so that a moment over it has a meaning
 _CERTAIN = 2.0
-_SYMMETRIC = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # the order of the six inertias
 
 
 @dataclass(frozen=True)
 class Payload(Effect):
-    """Mass (kg) and first moment (kg m, DH frame n) of what the flange carries beside the declared
-    links."""
+    """Mass (kg) and first moment (kg m, DH frame n) of what the flange carries beside the declared links."""
 
-    name: ClassVar[str] = "payload"
-    plain: ClassVar[str] = "a payload that is not as declared"
-    station: ClassVar[Station] = Station.LOAD
-    kinds: ClassVar[tuple[str, ...]] = (POSES.name, MOTION.name, TRACKED_MOTION.name)
-    compensable: ClassVar[bool] = True
-    by_load: ClassVar[bool] = True
-    carried: ClassVar[bool] = True
-    per_joint: ClassVar[bool] = False
-    linear: ClassVar[bool] = False
-    source: ClassVar[str] = "Atkeson, An and Hollerbach 1986; Swevers, Verdonck and De Schutter 2007"
+    name = "payload"
+    plain = "a payload that is not as declared"
+    station = Station.LOAD
+    kinds = (POSES.name, MOTION.name, TRACKED_MOTION.name)
+    compensable = True
+    by_load = True
+    carried = True
+    per_joint = False
+    source = "Atkeson, An and Hollerbach 1986; Swevers, Verdonck and De Schutter 2007"
 
     def parameters(self) -> tuple[Parameter, ...]:
         moments = tuple(Parameter(f"moment_{axis}_kg_m", 1.0) for axis in "xyz")
@@ -55,8 +50,7 @@ class Payload(Effect):
         x, y, z = 1e3 * self.centre_of_mass
         return (
             f"the flange carries {self.values[0]:.3g} kg more than declared, centred at ({x:.0f}, {y:.0f}, "
-            f"{z:.0f}) mm of the last DH frame"
-        )
+            f"{z:.0f}) mm of the last DH frame")
 
     def derived(self, covariance):
         """Centre of mass s / m, by the delta method: d(s / m) = (ds - c dm) / m."""
@@ -73,9 +67,8 @@ class Payload(Effect):
     def caveat(self, covariance):
         if self._weighs(covariance):
             return ""
-        return (
-            "this data tells its moment but not its mass apart from the lever arm: no centre of mass is given"
-        )
+        return ("this data tells its moment but not its mass apart from the lever arm: no centre of mass is "
+                "given")
 
     def _weighs(self, covariance) -> bool:
         return abs(self.values[0]) > max(_CERTAIN * np.sqrt(covariance[0, 0]), _MASS_FLOOR_KG)
@@ -106,7 +99,7 @@ def inertial(values) -> tuple[np.ndarray, np.ndarray]:
     square = mass**2 + _MASS_FLOOR_KG**2
     inverse, by_mass = mass / square, (_MASS_FLOOR_KG**2 - mass**2) / square**2
     second = s @ s * np.eye(3) - np.outer(s, s)
-    pick = lambda matrix: np.array([matrix[i, j] for i, j in _SYMMETRIC])
+    pick = lambda matrix: np.array([matrix[i, j] for i, j in ENTRIES])
     pi = np.concatenate([[mass], s, inverse * pick(second)])
     slope = np.zeros((10, 4))
     slope[:4] = np.eye(4)
@@ -123,7 +116,7 @@ def with_added(link, pi: np.ndarray):
     moved = lambda m, c: m * (c @ c * np.eye(3) - np.outer(c, c))
     about_origin = np.asarray(link.inertia, float) + moved(mass, centre)
     added = np.zeros((3, 3))
-    for value, (i, j) in zip(pi[4:], _SYMMETRIC):
+    for value, (i, j) in zip(pi[4:], ENTRIES):
         added[i, j] = added[j, i] = value
     total = mass + pi[0]
     moment = mass * centre + pi[1:4]

@@ -4,10 +4,7 @@
 inertia_kg_m2 is about the motor shaft, beside what the tables declare.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -19,12 +16,10 @@ from exactarm.effects.drive import DriveEffect
 class RotorInertia(DriveEffect):
     """Inertia of one motor that the tables lack."""
 
-    name: ClassVar[str] = "rotor_inertia"
-    plain: ClassVar[str] = "a rotor inertia that is not declared"
-    sentence: ClassVar[
-        str
-    ] = "the motor of axis {joint} has {inertia_kg_m2:.3g} kg m2 more inertia than declared"
-    source: ClassVar[str] = "thesis (2.22), E4"
+    name = "rotor_inertia"
+    plain = "a rotor inertia that is not declared"
+    sentence = "the motor of axis {joint} has {inertia_kg_m2:.3g} kg m2 more inertia than declared"
+    source = "thesis (2.22), E4"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("inertia_kg_m2", 5e-4),)

@@ -5,10 +5,7 @@ it is sheared (power-law fluid with exponent 1/2; Reiner 1926; for robot gears S
 rest.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import ClassVar
 
 from exactarm.effects.base import Change, Parameter
 from exactarm.effects.drive import DriveEffect
@@ -19,14 +16,12 @@ from exactarm.view import SIGN_WIDTH_RAD_S
 class ShearThinningFriction(DriveEffect):
     """The square-root part of the friction curve of one axis."""
 
-    name: ClassVar[str] = "shear_thinning_friction"
-    plain: ClassVar[str] = "friction of a lubricant that thins with speed"
-    in_axis_units: ClassVar[bool] = False  # of a root of a rate
-    sentence: ClassVar[str] = (
-        "friction of axis {joint} bends over with the rate as grease does: "
-        "{coefficient_Nm_sqrt_s:.3g} Nm times the square root of the rate in rad/s"
-    )
-    source: ClassVar[str] = "Reiner 1926; Simoni, Beschi, Legnani and Visioli 2015"
+    name = "shear_thinning_friction"
+    plain = "friction of a lubricant that thins with speed"
+    in_axis_units = False  # of a root of a rate
+    sentence = ("friction of axis {joint} bends over with the rate as grease does: "
+                "{coefficient_Nm_sqrt_s:.3g} Nm times the square root of the rate in rad/s")
+    source = "Reiner 1926; Simoni, Beschi, Legnani and Visioli 2015"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("coefficient_Nm_sqrt_s", 10.0),)

@@ -8,8 +8,6 @@ a clamp) goes as far in that time, 1/T times as fast. Time constants between the
 logarithm.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm.data.kinds.base import is_a_series, rows_of_runs
@@ -21,11 +19,8 @@ _QUICKER = 10.0**0.5  # from one time constant to the next
 
 def temperatures(data) -> list[str]:
     """Names of the covariates that are temperatures and vary."""
-    return [
-        name
-        for name, values in data.covariates.items()
-        if (name.endswith("_degC") or "temp" in name.lower()) and np.ptp(values) > 0.0
-    ]
+    return [name for name, values in data.covariates.items()
+            if (name.endswith("_degC") or "temp" in name.lower()) and np.ptp(values) > 0.0]
 
 
 def drivers(data) -> list[str]:

@@ -5,11 +5,8 @@ Either the gear's whole error grows, e -> (1 + relative |phi_dot|) e, or one ord
 that is proportional to |phi_dot| (values: order, a, b as in gear_harmonics, per rad/s).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -22,16 +19,16 @@ from exactarm.effects.harmonic_family import HarmonicFamily, declared_orders, gr
 class SpeedDependence(HarmonicFamily):
     """One value: `relative_s_per_rad` of the gear's error; three or more: an order of its own."""
 
-    name: ClassVar[str] = "speed_dependence"
-    plain: ClassVar[str] = "gear errors that change with the speed"
-    kinds: ClassVar[tuple[str, ...]] = (GEAR_RUN.name, MOTION.name)
-    compensable: ClassVar[bool] = True
-    at_rest: ClassVar[bool] = False
-    smooth: ClassVar[bool] = False
-    repeatable: ClassVar[bool] = False
-    unit: ClassVar[str] = "_s_per_rad"
-    sentence: ClassVar[str] = "the error of gear {joint} changes with its speed"
-    source: ClassVar[str] = "thesis 1.1.1, 3.1.2"
+    name = "speed_dependence"
+    plain = "gear errors that change with the speed"
+    kinds = (GEAR_RUN.name, MOTION.name)
+    compensable = True
+    at_rest = False
+    smooth = False
+    repeatable = False
+    unit = "_s_per_rad"
+    sentence = "the error of gear {joint} changes with its speed"
+    source = "thesis 1.1.1, 3.1.2"
 
     def speed(self, view) -> np.ndarray:
         """(N,) magnitude of the output rate at the nominal ratio; static poses have none."""
@@ -46,9 +43,6 @@ class SpeedDependence(HarmonicFamily):
         if len(self.values) != 1:
             return super().parameters()
         return (Parameter("relative_s_per_rad", 0.2, -5.0, 5.0),)
-
-    def parameter_label(self, parameter: Parameter) -> str:
-        return f"{self.label}.{parameter.name}"
 
     def change(self, view) -> Change:
         if len(self.values) != 1:

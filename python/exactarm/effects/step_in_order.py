@@ -6,8 +6,6 @@ Common to all steps is the search for the place and its interval, on what a fit 
 (step_place.py).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -26,8 +24,8 @@ class StepInOrder(Effect):
     driver: str = ROW
     search: tuple[float, ...] = field(default=(), kw_only=True)
 
-    of_record: ClassVar[bool] = True
-    of_one_session: ClassVar[bool] = True
+    of_record = True
+    of_one_session = True
     on_earlier_rows: ClassVar[bool] = False  # acts before the step: the model beside it is that of now
 
     def sizes(self) -> tuple[Parameter, ...]:
@@ -35,8 +33,7 @@ class StepInOrder(Effect):
         raise NotImplementedError
 
     def shape(self, view) -> np.ndarray:
-        """(N, 6, k) what a unit of each size does to position and orientation of the target, wherever it
-        acts."""
+        """(N, 6, k) what a unit of each size does to position and orientation of the target where it acts."""
         raise NotImplementedError
 
     def parameters(self) -> tuple[Parameter, ...]:

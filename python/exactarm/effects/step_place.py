@@ -13,8 +13,6 @@ as if a row were measured before the step, or after it; l is Student's law with 
 a wild row decides nothing. Every place is as likely as the others before any data.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import special
 
@@ -81,8 +79,7 @@ def place_between(x: np.ndarray, before: np.ndarray, after: np.ndarray, place: f
 
 
 def _log_likelihood(before: np.ndarray, after: np.ndarray, now: int) -> np.ndarray:
-    """(R + 1,) of k rows before the step, up to a constant; the noise by the rows as they are with `now`
-    before it."""
+    """(R + 1,) of k rows before the step, up to a constant; the noise by the rows with `now` before it."""
     numbers = before.shape[1]
     squares = np.sum(before**2, axis=1), np.sum(after**2, axis=1)
     median = np.median(np.where(np.arange(len(before)) < now, *squares))

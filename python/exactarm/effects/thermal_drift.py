@@ -15,8 +15,6 @@ Sources: Li and Zhao 2016 (structure), Bittencourt and Axelsson 2014 (friction a
 (gyroscope).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import ClassVar
@@ -35,12 +33,12 @@ class ThermalDrift(Effect):
 
     driver: str = "time"
 
-    name: ClassVar[str] = "thermal_drift"
-    plain: ClassVar[str] = "drift with temperature or time"
-    station: ClassVar[Station] = Station.GEOMETRY
-    kinds: ClassVar[tuple[str, ...]] = ALL_KINDS
-    per_joint: ClassVar[bool] = False
-    source: ClassVar[str] = "Li and Zhao 2016; Bittencourt and Axelsson 2014; IEEE 952"
+    name = "thermal_drift"
+    plain = "drift with temperature or time"
+    station = Station.GEOMETRY
+    kinds = ALL_KINDS
+    per_joint = False
+    source = "Li and Zhao 2016; Bittencourt and Axelsson 2014; IEEE 952"
     form: ClassVar[str] = ""
 
     @property
@@ -81,16 +79,15 @@ class ThermalDrift(Effect):
 
 @dataclass(frozen=True)
 class ThermalGrowth(ThermalDrift):
-    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
-    form: ClassVar[str] = "growth"
+    kinds = WITH_TARGET
+    form = "growth"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter(f"growth_1_per_{self.unit}", 1e-5),)
 
     def describe(self) -> str:
         return (
-            f"the arm grows by {self.values[0]:.3g} of its length per {self.unit} (it follows {self.driver})"
-        )
+            f"the arm grows by {self.values[0]:.3g} of its length per {self.unit} (it follows {self.driver})")
 
     def change(self, view) -> Change:
         x = slow_signal(view.data, self.driver)[:, None]
@@ -123,8 +120,8 @@ def _slid(view, rotations: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class ThermalTargetDrift(ThermalDrift):
-    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
-    form: ClassVar[str] = "target"
+    kinds = WITH_TARGET
+    form = "target"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return tuple(Parameter(f"drift_{axis}_m_per_{self.unit}", 1e-4) for axis in "xyz")
@@ -141,10 +138,10 @@ class ThermalTargetDrift(ThermalDrift):
 
 @dataclass(frozen=True)
 class ThermalZeroDrift(ThermalDrift):
-    station: ClassVar[Station] = Station.SPRING
-    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
-    per_joint: ClassVar[bool] = True
-    form: ClassVar[str] = "zero"
+    station = Station.SPRING
+    kinds = WITH_TARGET
+    per_joint = True
+    form = "zero"
 
     @property
     def label(self) -> str:
@@ -156,8 +153,7 @@ class ThermalZeroDrift(ThermalDrift):
     def describe(self) -> str:
         return (
             f"the zero of axis {self.joint} drifts by {self.values[0]:.3g} rad per {self.unit} (it follows "
-            f"{self.driver})"
-        )
+            f"{self.driver})")
 
     def change(self, view) -> Change:
         x = slow_signal(view.data, self.driver)[:, None]
@@ -170,32 +166,29 @@ class ThermalZeroDrift(ThermalDrift):
 
 @dataclass(frozen=True)
 class ThermalSensorDrift(ThermalDrift):
-    station: ClassVar[Station] = Station.DEVICE
-    kinds: ClassVar[tuple[str, ...]] = (GEAR_RUN.name,)
-    form: ClassVar[str] = "sensor"
+    station = Station.DEVICE
+    kinds = (GEAR_RUN.name,)
+    form = "sensor"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return tuple(Parameter(f"drift_{axis}_rad_s_per_{self.unit}", 1e-4) for axis in "xyz")
 
     def describe(self) -> str:
         size = float(np.linalg.norm(self.values))
-        return (
-            f"the bias of the gyroscope drifts by {size:.3g} rad/s per {self.unit} (it follows {self.driver})"
-        )
+        return (f"the bias of the gyroscope drifts by {size:.3g} rad/s per {self.unit} (it follows "
+                f"{self.driver})")
 
     @classmethod
     def of(cls, robot, view) -> Iterable[Effect]:
-        return (
-            (cls(None, (0.0,) * 3, driver) for driver in drivers(view.data)) if view.data.gyro is not None
-            else ()
-        )
+        return ((cls(None, (0.0,) * 3, driver) for driver in drivers(view.data)) if view.data.gyro is not None
+                else ())
 
 
 class _FrictionFalls:
     """What the four forms of the drive share: a part of the friction that falls by `fall` of itself."""
 
-    station: ClassVar[Station] = Station.DRIVE
-    kinds: ClassVar[tuple[str, ...]] = (MOTION.name,)
+    station = Station.DRIVE
+    kinds = (MOTION.name,)
     dry: ClassVar[bool] = False
 
     @property
@@ -243,23 +236,23 @@ class _FrictionFalls:
 
 @dataclass(frozen=True)
 class ThermalLubricant(_FrictionFalls, ThermalDrift):
-    form: ClassVar[str] = "lubricant"
+    form = "lubricant"
 
 
 @dataclass(frozen=True)
 class ThermalLubricantOfAxis(_FrictionFalls, ThermalDrift):
-    per_joint: ClassVar[bool] = True
-    form: ClassVar[str] = "lubricant_of_axis"
+    per_joint = True
+    form = "lubricant_of_axis"
 
 
 @dataclass(frozen=True)
 class ThermalFriction(_FrictionFalls, ThermalDrift):
-    dry: ClassVar[bool] = True
-    form: ClassVar[str] = "friction"
+    dry = True
+    form = "friction"
 
 
 @dataclass(frozen=True)
 class ThermalFrictionOfAxis(_FrictionFalls, ThermalDrift):
-    dry: ClassVar[bool] = True
-    per_joint: ClassVar[bool] = True
-    form: ClassVar[str] = "friction_of_axis"
+    dry = True
+    per_joint = True
+    form = "friction_of_axis"

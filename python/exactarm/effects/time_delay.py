@@ -5,11 +5,8 @@ It shows at t what the motor did at t - delay: theta(t) -> theta(t - delay), a c
 samples; past its ends the run goes on as a straight line.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -22,13 +19,13 @@ from exactarm.effects.base import Change, Effect, Parameter, Station
 class TimeDelay(Effect):
     """One delay for the whole record."""
 
-    name: ClassVar[str] = "time_delay"
-    plain: ClassVar[str] = "a delay between two signals"
-    station: ClassVar[Station] = Station.MOTOR
-    kinds: ClassVar[tuple[str, ...]] = IN_TIME
-    per_joint: ClassVar[bool] = False
-    sentence: ClassVar[str] = "the measured signal comes {delay_s:.4g} s after the motor encoder"
-    source: ClassVar[str] = "sampling: signals of two devices, one clock"
+    name = "time_delay"
+    plain = "a delay between two signals"
+    station = Station.MOTOR
+    kinds = IN_TIME
+    per_joint = False
+    sentence = "the measured signal comes {delay_s:.4g} s after the motor encoder"
+    source = "sampling: signals of two devices, one clock"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("delay_s", 2e-3, -0.1, 0.1),)

@@ -9,11 +9,8 @@ Touches of all sessions share one tool, so that the effect acts on all sessions 
 each session has a tool frame of its own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -27,21 +24,20 @@ from exactarm.effects.tracker_step import shift_and_turn, size_in_words
 
 @dataclass(frozen=True)
 class ToolShift(StepInOrder):
-    """Shift of the target in DH frame n, with `turn` its rotation too; of one `session`, after `after` on
-    `driver`."""
+    """Shift of the target in DH frame n, with `turn` its rotation too; in `session`, after `after`."""
 
     turn: bool = False
 
-    name: ClassVar[str] = "tool_shift"
-    plain: ClassVar[str] = "a tool or reflector that was knocked"
-    station: ClassVar[Station] = Station.GEOMETRY
-    on_earlier_rows: ClassVar[bool] = True
-    kinds: ClassVar[tuple[str, ...]] = (POSES.name,)
-    per_joint: ClassVar[bool] = False
+    name = "tool_shift"
+    plain = "a tool or reflector that was knocked"
+    station = Station.GEOMETRY
+    on_earlier_rows = True
+    kinds = (POSES.name,)
+    per_joint = False
     # A zero of the last axis that moved looks like a tool that moved along its circle: as probable as that of
     # one axis of six, so that such a move is named by what needs one number.
-    log_odds: ClassVar[float] = -float(np.log(6.0))
-    source: ClassVar[str] = "ISO 9283 (fixing of the target); ISO 10360-10 (stability of reflectors)"
+    log_odds = -float(np.log(6.0))
+    source = "ISO 9283 (fixing of the target); ISO 10360-10 (stability of reflectors)"
 
     def sizes(self) -> tuple[Parameter, ...]:
         return shift_and_turn(3e-4, 1e-3, self.turn)

@@ -4,10 +4,7 @@ off.
 reported = (1 + scale) true drive torque.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -19,11 +16,11 @@ from exactarm.effects.drive import DriveEffect
 class TorqueConstant(DriveEffect):
     """Relative error of the reported torque of one axis."""
 
-    name: ClassVar[str] = "torque_constant"
-    plain: ClassVar[str] = "a wrong torque constant"
-    station: ClassVar[Station] = Station.DEVICE
-    sentence: ClassVar[str] = "the torque that axis {joint} reports is the true one times 1 + {scale:.3g}"
-    source: ClassVar[str] = "Gautier and Briot 2014 (drive gains)"
+    name = "torque_constant"
+    plain = "a wrong torque constant"
+    station = Station.DEVICE
+    sentence = "the torque that axis {joint} reports is the true one times 1 + {scale:.3g}"
+    source = "Gautier and Briot 2014 (drive gains)"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("scale", 0.1, -0.9, 5.0),)

@@ -6,10 +6,7 @@ of gear stages and bearings behind the motor are not whole numbers: the peaks of
 the angle are tried, too.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -25,26 +22,20 @@ _SAME = 0.02  # relative: the search refines an order by itself
 class TorqueRipple(DriveEffect):
     """One order of one axis."""
 
-    name: ClassVar[str] = "torque_ripple"
-    plain: ClassVar[str] = "torque ripple of the motor"
-    linear: ClassVar[bool] = False
+    name = "torque_ripple"
+    plain = "torque ripple of the motor"
     search: tuple[float, ...] = ORDERS
-    sentence: ClassVar[str] = (
-        "the torque of axis {joint} ripples {order:.4g} times per motor revolution "
-        "({cosine_Nm:.3g} Nm cosine, {sine_Nm:.3g} Nm sine)"
-    )
-    source: ClassVar[str] = "Holtz and Springob 1996"
+    sentence = ("the torque of axis {joint} ripples {order:.4g} times per motor revolution "
+                "({cosine_Nm:.3g} Nm cosine, {sine_Nm:.3g} Nm sine)")
+    source = "Holtz and Springob 1996"
 
     @property
     def label(self) -> str:
         return f"{self.name}_{self.joint}_order_{self.values[0]:.4g}"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        return (
-            Parameter("order", 6.0, 1e-3, 200.0, search=self.search),
-            Parameter("cosine_Nm", 2.0),
-            Parameter("sine_Nm", 2.0),
-        )
+        return (Parameter("order", 6.0, 1e-3, 200.0, search=self.search),
+                Parameter("cosine_Nm", 2.0), Parameter("sine_Nm", 2.0))
 
     def change(self, view) -> Change:
         order, cosine, sine = self.values

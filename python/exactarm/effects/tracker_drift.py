@@ -6,11 +6,8 @@ shift (3,) m and turn (3,) rad, about the device's origin, a unit of x. Where th
 part of the frames of its set-up. Either the shift alone is estimated, or both: a tripod that settles tilts.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -29,13 +26,13 @@ class TrackerDrift(Effect):
     turn: bool = False
     drawn: bool = False  # the rotation, to zero
 
-    name: ClassVar[str] = "tracker_drift"
-    plain: ClassVar[str] = "a tracker that drifts"
-    station: ClassVar[Station] = Station.DEVICE
-    of_record: ClassVar[bool] = True
-    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
-    per_joint: ClassVar[bool] = False
-    source: ClassVar[str] = "ISO 10360-10 (stability of laser trackers)"
+    name = "tracker_drift"
+    plain = "a tracker that drifts"
+    station = Station.DEVICE
+    of_record = True
+    kinds = WITH_TARGET
+    per_joint = False
+    source = "ISO 10360-10 (stability of laser trackers)"
 
     def parameters(self) -> tuple[Parameter, ...]:
         shift = tuple(Parameter(f"{axis}_m_per_{unit(self.driver)}", 1e-4) for axis in "xyz")

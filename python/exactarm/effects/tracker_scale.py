@@ -3,11 +3,8 @@
 A scale that is the same on all three axes is absorbed by the arm's geometry, so at most two are told at once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -21,15 +18,14 @@ class TrackerScale(Effect):
 
     axes: str = "z"
 
-    name: ClassVar[str] = "tracker_scale"
-    plain: ClassVar[str] = "a wrong scale of the tracker"
-    station: ClassVar[Station] = Station.DEVICE
-    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
-    per_joint: ClassVar[bool] = False
-    sentence: ClassVar[str] = (
-        "the measuring device stretches its axes by {x_scale:.3g}, {y_scale:.3g} and {z_scale:.3g} (x, y, z)"
-    )
-    source: ClassVar[str] = "ASME B89.4.19 (ranging and angular errors of laser trackers)"
+    name = "tracker_scale"
+    plain = "a wrong scale of the tracker"
+    station = Station.DEVICE
+    kinds = WITH_TARGET
+    per_joint = False
+    sentence = (
+        "the measuring device stretches its axes by {x_scale:.3g}, {y_scale:.3g} and {z_scale:.3g} (x, y, z)")
+    source = "ASME B89.4.19 (ranging and angular errors of laser trackers)"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return tuple(Parameter(f"{axis}_scale", 1e-4, -0.1, 0.1, fixed=axis not in self.axes)

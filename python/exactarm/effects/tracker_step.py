@@ -4,11 +4,8 @@ measured += shift + turn x measured   on the rows of one session after `at` (tim
                                       the device's origin.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -27,12 +24,12 @@ class TrackerStep(StepInOrder):
     turn: bool = False
     drawn: bool = False
 
-    name: ClassVar[str] = "tracker_step"
-    plain: ClassVar[str] = "a tracker that was pushed"
-    station: ClassVar[Station] = Station.DEVICE
-    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
-    per_joint: ClassVar[bool] = False
-    source: ClassVar[str] = "ISO 10360-10 (stability of laser trackers)"
+    name = "tracker_step"
+    plain = "a tracker that was pushed"
+    station = Station.DEVICE
+    kinds = WITH_TARGET
+    per_joint = False
+    source = "ISO 10360-10 (stability of laser trackers)"
 
     def sizes(self) -> tuple[Parameter, ...]:
         return shift_and_turn(3e-4, 1e-4, self.turn, self.drawn)

@@ -1,27 +1,22 @@
 """Viscous friction of a drive: coefficient_Nm_s rate, of the lubricant in gear and bearings (Newton)."""
 
-from __future__ import annotations
-
-from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
-from exactarm.effects.base import Change, Effect, Parameter
-from exactarm.effects.drive import DriveEffect, moving_axes
+from exactarm.effects.base import Change, Parameter
+from exactarm.effects.drive import DriveEffect
 
 
 @dataclass(frozen=True)
 class ViscousFriction(DriveEffect):
     """Friction of one axis in proportion to its rate, beside what its tables declare."""
 
-    name: ClassVar[str] = "viscous_friction"
-    plain: ClassVar[str] = "viscous friction that is not declared"
-    sentence: ClassVar[
-        str
-    ] = "axis {joint} has {coefficient_Nm_s:.3g} Nm s of viscous friction that is not declared"
-    source: ClassVar[str] = "Armstrong-Helouvry, Dupont and Canudas de Wit 1994; thesis (2.22)"
+    name = "viscous_friction"
+    unless_declared = "viscous"
+    plain = "viscous friction that is not declared"
+    sentence = "axis {joint} has {coefficient_Nm_s:.3g} Nm s of viscous friction that is not declared"
+    source = "Armstrong-Helouvry, Dupont and Canudas de Wit 1994; thesis (2.22)"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("coefficient_Nm_s", 10.0, lower=0.0),)
@@ -29,7 +24,3 @@ class ViscousFriction(DriveEffect):
     def change(self, view) -> Change:
         rate = self.rate(view)
         return self.torque_change(view, [rate], rate=np.full_like(rate, self.values[0]))
-
-    @classmethod
-    def candidates(cls, robot, view) -> Iterable[Effect]:
-        return (cls(i + 1, (0.0,)) for i in moving_axes(view) if robot.joints[i].viscous is None)

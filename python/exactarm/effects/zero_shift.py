@@ -4,11 +4,8 @@ q_j += shift   on the rows up to `after` (time or row) of one session, and on al
                joint offset beside the effect is that of the arm as it is now.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
@@ -23,13 +20,13 @@ class ZeroShift(StepInOrder):
     """values: after, shift. The shift happened in `session`, after `after` on `driver`, or between it and the
     next."""
 
-    name: ClassVar[str] = "zero_shift"
-    plain: ClassVar[str] = "a zero that moved once (slip, collision, new mastering)"
-    in_axis_units: ClassVar[bool] = True
-    station: ClassVar[Station] = Station.SPRING
-    on_earlier_rows: ClassVar[bool] = True
-    kinds: ClassVar[tuple[str, ...]] = WITH_TARGET
-    source: ClassVar[str] = "ISO 9283 (drift); makers' manuals on mastering after a collision"
+    name = "zero_shift"
+    plain = "a zero that moved once (slip, collision, new mastering)"
+    in_axis_units = True
+    station = Station.SPRING
+    on_earlier_rows = True
+    kinds = WITH_TARGET
+    source = "ISO 9283 (drift); makers' manuals on mastering after a collision"
 
     def sizes(self) -> tuple[Parameter, ...]:
         return (Parameter("shift_rad", 3e-4),)

@@ -5,8 +5,6 @@ are not parted by commas and the rows hold commas; then a point in a number is r
 either.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The bytes of a file from outside, within the memory that is free. Raises OSError, as reading does."""
 
-from __future__ import annotations
-
 import errno
 import io
 import os

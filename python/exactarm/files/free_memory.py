@@ -1,7 +1,5 @@
 """What memory a process can still have: of the machine, of its control group, of its own limit."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 GIGABYTE = 2.0**30

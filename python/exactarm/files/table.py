@@ -6,8 +6,6 @@ unreadable or empty file, names missing or given twice, rows of another length, 
 finite number or beyond 1e30. `write_table` is its inverse, exact to the last bit.
 """
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import io
@@ -47,11 +45,8 @@ class Table:
     rows: int
 
 
-def read_table(
-    path: str | Path,
-    text: Collection[str] = (),
-    may_be_empty: Callable[[list[str]], Collection[str]] = lambda names: (),
-) -> Table:
+def read_table(path: str | Path, text: Collection[str] = (),
+               may_be_empty: Callable[[list[str]], Collection[str]] = lambda names: ()) -> Table:
     """All columns of a CSV or Parquet file; those named in `text` as strings (N,) object.
 
     may_be_empty(names of all columns): those in which an empty cell is no fault but NaN.
@@ -61,10 +56,8 @@ def read_table(
     if arrow.num_rows == 0:
         raise InputError("no data rows below the header; expected at least one", file=path)
     gaps = may_be_empty(arrow.column_names)
-    columns = {
-        name: _numpy(path, name, arrow.column(i), name in text, name in gaps)
-        for i, name in enumerate(arrow.column_names)
-    }
+    columns = {name: _numpy(path, name, arrow.column(i), name in text, name in gaps)
+               for i, name in enumerate(arrow.column_names)}
     return Table(columns, hashlib.sha256(content).hexdigest(), arrow.num_rows)
 
 
@@ -141,9 +134,8 @@ def _csv(path: str | Path, content: bytes, text: Collection[str], may_be_empty: 
         return _csv_cell_by_cell(path, body, names, text, may_be_empty(names), dialect, error)
 
 
-def _parse_csv(
-    body: pa.Buffer, names: list[str], types: Mapping[str, pa.DataType], dialect: Dialect
-) -> pa.Table:
+def _parse_csv(body: pa.Buffer, names: list[str], types: Mapping[str, pa.DataType],
+               dialect: Dialect) -> pa.Table:
     return pa.csv.read_csv(
         pa.BufferReader(body),
         parse_options=pa.csv.ParseOptions(delimiter=dialect.delimiter),
@@ -189,34 +181,27 @@ def _check_names(path: str | Path, names: list[str]) -> None:
             raise InputError("name given twice; expected each column once", file=path, column=name)
 
 
-def _csv_cell_by_cell(
-    path: str | Path, body: pa.Buffer, names: list[str], text: Collection[str], gaps: Collection[str],
-    dialect: Dialect, error: pa.ArrowInvalid
-) -> pa.Table:
+def _csv_cell_by_cell(path: str | Path, body: pa.Buffer, names: list[str], text: Collection[str],
+                      gaps: Collection[str], dialect: Dialect, error: pa.ArrowInvalid) -> pa.Table:
     """The slow way, taken when the fast one failed: finds the row and the cell that are to blame."""
     try:
         strings = _parse_csv(body, names, {name: pa.string() for name in names}, dialect)
     except pa.ArrowInvalid:
         _refuse_ragged(path, body, names, dialect)
         raise InputError(f"is no CSV file: {str(error).splitlines()[0]}", file=path) from None
-    return pa.table({
-        name: strings.column(name) if name in text
-        else _numbers(path, name, strings.column(name), name in gaps, dialect)
-        for name in names
-    })
+    return pa.table({name: strings.column(name) if name in text
+                     else _numbers(path, name, strings.column(name), name in gaps, dialect)
+                     for name in names})
 
 
-def _numbers(
-    path: str | Path, name: str, cells: pa.ChunkedArray, may_be_empty: bool, dialect: Dialect
-) -> pa.ChunkedArray | list[float]:
+def _numbers(path: str | Path, name: str, cells: pa.ChunkedArray, may_be_empty: bool,
+             dialect: Dialect) -> pa.ChunkedArray | list[float]:
     """A column's cells as numbers; one by one only where not all are numbers as they stand."""
     if dialect.decimal == ".":
         with suppress(pa.ArrowInvalid):
             return cells.cast(pa.float64())
-    return [
-        np.nan if may_be_empty and not cell.strip() else _number(path, name, row, dialect.plain(cell))
-        for row, cell in enumerate(cells.to_pylist(), start=1)
-    ]
+    return [np.nan if may_be_empty and not cell.strip() else _number(path, name, row, dialect.plain(cell))
+            for row, cell in enumerate(cells.to_pylist(), start=1)]
 
 
 def _refuse_ragged(path: str | Path, body: pa.Buffer, names: list[str], dialect: Dialect) -> None:
@@ -283,10 +268,8 @@ def _parquet(path: str | Path, content: bytes, text: Collection[str]) -> pa.Tabl
         kind = table.schema.field(index).type
         value = kind.value_type if pa.types.is_dictionary(kind) else kind
         wanted = pa.string() if name in text else pa.float64()
-        fits = (
-            pa.types.is_string(value) or pa.types.is_large_string(value)
-            if name in text else _is_numeric(value)
-        )
+        fits = (pa.types.is_string(value) or pa.types.is_large_string(value)
+                if name in text else _is_numeric(value))
         if not fits:
             expected = "text" if name in text else "numbers"
             raise InputError(f"type {kind}; expected {expected}", file=path, column=name)

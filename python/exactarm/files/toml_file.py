@@ -7,8 +7,6 @@ Refused with one line that names the file: what cannot be read, is no text or no
 `DEEPEST` or holds a whole number beyond 64 bits, which TOML leaves to the reader and no double holds exactly.
 """
 
-from __future__ import annotations
-
 import math
 import tomllib
 from pathlib import Path
@@ -37,8 +35,7 @@ def read_toml(path: str | Path, expected: str) -> dict[str, Any]:
         raise InputError(f"is nested too deeply; expected {expected}", file=path) from None
     except ValueError:  # Python refuses to read whole numbers of thousands of digits, and dates that are none
         raise InputError(
-            f"holds a number or date that cannot be read; expected {expected}", file=path
-        ) from None
+            f"holds a number or date that cannot be read; expected {expected}", file=path) from None
     _check(tables, path, expected)
     return tables
 
@@ -57,8 +54,7 @@ def fits_shape(value: Any, shape: tuple[int | None, ...]) -> bool:
 
 
 def _check(tables: dict[str, Any], path: str | Path, expected: str) -> None:
-    """Depth and whole numbers, without recursion: what comes from outside must not choose how deep we
-    call."""
+    """Depth and whole numbers, without recursion: what comes from outside must not choose our depth."""
     todo: list[tuple[Any, int]] = [(tables, 0)]
     while todo:
         value, depth = todo.pop()
@@ -71,6 +67,4 @@ def _check(tables: dict[str, Any], path: str | Path, expected: str) -> None:
         elif isinstance(value, int) and abs(value) > LARGEST_WHOLE:
             raise InputError(
                 f"holds a whole number of {len(hex(abs(value))) - 2} hexadecimal digits; expected one of 64 "
-                "bits",
-                file=path,
-            )
+                "bits", file=path)

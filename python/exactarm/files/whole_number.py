@@ -5,8 +5,6 @@ blanks that are control characters, nor more than 4,300 digits. No index of an a
 than nine.
 """
 
-from __future__ import annotations
-
 import re
 
 _WHOLE = re.compile(r"[ \t]*([0-9]{1,9})[ \t]*")

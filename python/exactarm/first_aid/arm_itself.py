@@ -5,8 +5,6 @@ where the target lies near it) may take most, and yet less than an arm that is n
 that of another arm, one that hardly turns leaves less than the arm itself, and explains nothing.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm.chain import Layout

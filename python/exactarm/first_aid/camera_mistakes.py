@@ -6,8 +6,6 @@ T_i M = W C_i is compared, T_i by the robot file. Mistakes of the arm are looked
 places that the pictures show in place of a tracker's. Nothing is corrected.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -87,9 +85,8 @@ def _candidates(setup: CameraSetup, data: Dataset) -> Iterator[tuple[str, Camera
         yield from _other_lens(setup, setup.lens[0], data)
 
 
-def _other_lens(
-    setup: CameraSetup, focal: float, data: Dataset
-) -> Iterator[tuple[str, CameraSetup, Dataset]]:
+def _other_lens(setup: CameraSetup, focal: float,
+                data: Dataset) -> Iterator[tuple[str, CameraSetup, Dataset]]:
     """The focal length that the pictures show by themselves, where the declared one is far from it."""
     unknown = replace(setup, lens=None)
     try:

@@ -6,8 +6,6 @@ run, with the lag that leaves the least; it is refined by a parabola. A lag that
 faster.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -82,8 +82,7 @@ class Motion:
         return np.array([np.sqrt(np.mean(columns[:, -3] ** 2)) for columns in self.columns])
 
     def at(self, speed: float) -> Motion:
-        """The same path `speed` times as fast: what moves the links goes with the square, what holds them
-        does not."""
+        """The same path `speed` times as fast: what moves links goes with the square, what holds them not."""
         other = replace(self, rate=speed * self.rate, acceleration=speed**2 * self.acceleration, clock=speed)
         other.__dict__["links"] = self._links_held + speed**2 * (self.links - self._links_held)
         return other
@@ -218,24 +217,19 @@ def samples_of(robot: Robot, data: Dataset, most: int = MOST_ROWS,
     numbers = np.unique(data.run)
     each = max(MOST_LOGGED // len(numbers), 500)
     rows = np.sort(np.concatenate(
-        [np.flatnonzero(data.run == number)[:each] for number in numbers[: MOST_LOGGED // 500]]
-    ))
+        [np.flatnonzero(data.run == number)[:each] for number in numbers[: MOST_LOGGED // 500]]))
     record = motion_record(robot, data.select(rows), bandwidth_hz, _ROWS_SHARE)
     inside, kept = np.flatnonzero(record.inside), np.flatnonzero(record.keep)
     kept = kept[np.unique(np.linspace(0, kept.size - 1, min(kept.size, most)).astype(int))]
     output = lambda values: values[kept] / robot.ratios
     ones = np.ones(robot.axes)
-    return MotionSamples(
-        Motion(robot, output(record.theta) + robot.offsets, output(record.theta_dot),
-               output(record.theta_ddot)),
-        record.torque[kept],
-        robot.ratios if "theta" in data.joints else ones,
-        ones if "tau" in data.joints else robot.controller_ratios,
-        record.step * kept,
-        record.step * inside,
-        record.torque[inside],
-        carried_bodies(record.data.select(kept)) if data.payload is not None else None,
-    )
+    return MotionSamples(Motion(robot, output(record.theta) + robot.offsets, output(record.theta_dot),
+                                output(record.theta_ddot)),
+                         record.torque[kept],
+                         robot.ratios if "theta" in data.joints else ones,
+                         ones if "tau" in data.joints else robot.controller_ratios,
+                         record.step * kept, record.step * inside, record.torque[inside],
+                         carried_bodies(record.data.select(kept)) if data.payload is not None else None)
 
 
 def dry_friction_of(rate: np.ndarray) -> np.ndarray:

@@ -7,9 +7,7 @@ A wrong sign or unit is rarely refused by a fit: it is absorbed by parameters th
 mistakes are tried on some rows first. It never corrects anything, and takes a fraction of a second.
 """
 
-from __future__ import annotations
-
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
@@ -22,16 +20,12 @@ from exactarm.first_aid.odd_rows import odd_rows
 from exactarm.first_aid.odd_runs import odd_runs
 from exactarm.first_aid.pose_mistakes import pose_mistakes
 from exactarm.first_aid.ratio_mistakes import ratio_mistakes
-from exactarm.first_aid.signal_mistakes import (
-    cell_mistakes,
-    column_mistakes,
-    limit_mistakes,
-    repeated_rows,
-)
+from exactarm.first_aid.signal_mistakes import cell_mistakes, column_mistakes, limit_mistakes, repeated_rows
 from exactarm.first_aid.suspicion import Suspicion, in_order
 from exactarm.first_aid.touch_mistakes import touch_mistakes
 from exactarm.first_aid.tracked_mistakes import tracked_mistakes
 from exactarm.identify.declared import carried_layout
+from exactarm.identify.match import Mismatch
 from exactarm.robot.generic_masses import with_declared_masses
 from exactarm.robot.robot import Robot
 
@@ -44,7 +38,7 @@ def first_aid(robot: Robot, data: Dataset, placed: bool = False) -> tuple[str, .
     found: list[Suspicion] = []
     for kind in data.kinds:
         for check in _CHECKS.get(kind, ()):
-            if placed and check is _poses:
+            if (placed and check is _poses) or not (robot.has_geometry or check is gear_mistakes):
                 continue
             try:
                 found += check(robot, data)[:1]
@@ -56,23 +50,22 @@ def first_aid(robot: Robot, data: Dataset, placed: bool = False) -> tuple[str, .
     return tuple(dict.fromkeys(suspicion.text for suspicion in found))
 
 
+def with_cause(error: Mismatch, found: Sequence[str] = ()) -> InputError:
+    """The refusal with the mistake that its own rows show, else the first of `found`, what all rows show."""
+    meant = pose_mistakes(error.robot, error.rows, error.carried, error.seed)
+    if not meant and not found:
+        return error
+    told = (meant[0].text if meant[0].sentence else f"is it {meant[0].words}?") if meant else found[0]
+    return InputError(f"{error.refusal}: {told}", file=error.file)
+
+
 def _poses(robot: Robot, data: Dataset) -> list[Suspicion]:
-    if not robot.has_geometry:
-        return []
     carried = carried_layout(robot, data)
     return in_order([*pose_mistakes(robot, data, carried), *odd_rows(robot, data, carried)])
 
 
-def _pictures(robot: Robot, data: Dataset) -> list[Suspicion]:
-    return camera_mistakes(robot, data) if robot.has_geometry else []
-
-
-def _touches(robot: Robot, data: Dataset) -> list[Suspicion]:
-    return touch_mistakes(robot, data) if robot.has_geometry else []
-
-
 def _loads(robot: Robot, data: Dataset) -> list[Suspicion]:
-    return list(load_mistakes(robot, data)) if robot.has_geometry else []
+    return list(load_mistakes(robot, data))
 
 
 def _motions(robot: Robot, data: Dataset) -> list[Suspicion]:
@@ -85,7 +78,7 @@ def _motions(robot: Robot, data: Dataset) -> list[Suspicion]:
 
 _CHECKS: dict[str, tuple[Callable[[Robot, Dataset], list[Suspicion]], ...]] = {
     POSES.name: (_poses, _loads),
-    CLOSURES.name: (_pictures, _touches, _loads),
+    CLOSURES.name: (camera_mistakes, touch_mistakes, _loads),
     TRACKED_MOTION.name: (_poses, tracked_mistakes),
     MOTION.name: (_motions,),
     GEAR_RUN.name: (gear_mistakes,),

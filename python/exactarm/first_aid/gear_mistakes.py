@@ -4,8 +4,6 @@ Between encoders: the slope of theta_i over q_i is the gear ratio. Under a gyros
 is the rate of the moving motor over the ratio. What the slope is instead tells the mistake.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -54,22 +52,18 @@ def _of_encoders(robot: Robot, data: Dataset) -> list[Suspicion]:
         if abs(correlation) < LEAST_CORRELATION:
             words = _other_link(robot, theta[rows, i], q[rows], data.run[rows], int(i), both)
             if words:
-                found.append(Suspicion(f"{where}{words}", sentence=True))
+                found.append(Suspicion(f"{where}{words}"))
             continue
         share = slope / robot.ratios[i]
         found.append(
             Suspicion(
                 f"{where}axis {i + 1}: theta_{i + 1} goes {slope:.4g} times as far as q_{i + 1}, the file's "
-                f"gear ratio is {robot.ratios[i]:.4g}: {_meant(share, slope * robot.ratios[i], int(i) + 1)}",
-                sentence=True,
-            )
-        )
+                f"gear ratio is {robot.ratios[i]:.4g}: {_meant(share, slope * robot.ratios[i], int(i) + 1)}"))
     return found or _of_clocks(robot, data, both)
 
 
 def _off(robot: Robot, data: Dataset, axis: int) -> tuple[np.ndarray, str]:
-    """Rows in which the two sides of the gear do not follow its ratio; and where that is, if not in all
-    runs."""
+    """Rows in which the sides of the gear do not follow its ratio; and where that is, if not in all runs."""
     theta, q = data.joints["theta"][:, axis], data.joints["q"][:, axis]
     rows = rows_of_runs(data)
     spans = [min(np.ptp(theta[each] / robot.ratios[axis]), np.ptp(q[each])) for each in rows]
@@ -123,9 +117,8 @@ def _centred(values: np.ndarray, run: np.ndarray) -> np.ndarray:
     return values - mean[number]
 
 
-def _other_link(
-    robot: Robot, motor: np.ndarray, q: np.ndarray, run: np.ndarray, axis: int, both: np.ndarray
-) -> str:
+def _other_link(robot: Robot, motor: np.ndarray, q: np.ndarray, run: np.ndarray, axis: int,
+                both: np.ndarray) -> str:
     """Whether the motor turns another axis' link with that axis' or its own ratio."""
     motor = _centred(motor, run)
     if np.ptp(motor) / abs(robot.ratios[axis]) < 1e-4:
@@ -139,8 +132,7 @@ def _other_link(
             return f"theta_{axis + 1} follows q_{j + 1}, not q_{axis + 1}: are two axes exchanged?"
     return (
         f"theta_{axis + 1} and q_{axis + 1} do not follow each other: are columns exchanged, or files of two "
-        "motions mixed?"
-    )
+        "motions mixed?")
 
 
 def _meant(share: float, product: float, axis: int) -> str:
@@ -149,10 +141,8 @@ def _meant(share: float, product: float, axis: int) -> str:
         return "does one of the two have the opposite sign?"
     if near(abs(product), 1.0):
         return f"are the columns theta_{axis} and q_{axis} exchanged?"
-    for factor, words in (
-        (1.0 / _DEGREE, "is theta in degrees, or q in radians labelled as degrees?"),
-        (_DEGREE, "is q in degrees, or theta in radians labelled as degrees?"),
-    ):
+    for factor, words in ((1.0 / _DEGREE, "is theta in degrees, or q in radians labelled as degrees?"),
+                          (_DEGREE, "is q in degrees, or theta in radians labelled as degrees?")):
         if near(abs(share), factor):
             return words
     return "is the ratio in the robot file that of this arm?"
@@ -185,7 +175,7 @@ def _of_gyroscope(robot: Robot, data: Dataset) -> list[Suspicion]:
 def _far_off(shares: dict[int, float]) -> list[Suspicion]:
     """By axis: the reading over the rate of the motor behind its ratio."""
     said = [Suspicion(f"the gyroscope reads {share:.3g} times the rate of motor {axis + 1} over its ratio: "
-                      f"{_reading(share)}", sentence=True)
+                      f"{_reading(share)}")
             for axis, share in shares.items() if not 1.0 / 1.5 < share < 1.5]
     return said[:1]
 
@@ -197,17 +187,16 @@ def _somewhat_off(robot: Robot, shares: dict[int, float]) -> list[Suspicion]:
     alike = all(abs(share / common - 1.0) < RATIO_TOLERANCE for share in shares.values())
     if len(off) > 1 and alike:
         return [Suspicion(f"the gyroscope reads {common:.4g} times the rate of every motor over its ratio: "
-                          "is its scale that of its data sheet?", sentence=True)]
+                          "is its scale that of its data sheet?")]
     words = "; ".join(f"motor {axis + 1} over its ratio {robot.ratios[axis]:.4g}: {share:.4g} times; is "
                       f"the ratio {robot.ratios[axis] / share:.4g}?" for axis, share in off.items())
-    return [Suspicion(f"what the gyroscope reads beside the rate of {words}", sentence=True)] if off else []
+    return [Suspicion(f"what the gyroscope reads beside the rate of {words}")] if off else []
 
 
 def _smooth(values: np.ndarray) -> np.ndarray:
     width = max(1, min(25, len(values) // 20))
-    return np.convolve(np.pad(values, width // 2, mode="edge"), np.ones(width) / width, mode="same")[
-        width // 2 : width // 2 + len(values)
-    ]
+    padded = np.pad(values, width // 2, mode="edge")
+    return np.convolve(padded, np.ones(width) / width, mode="same")[width // 2 :][: len(values)]
 
 
 def _reading(slope: float) -> str:
@@ -215,8 +204,7 @@ def _reading(slope: float) -> str:
     if near(1.0 / _DEGREE):
         return (
             "is it in deg/s labelled as rad/s, or the motor angle in degrees labelled as radians the other "
-            "way round?"
-        )
+            "way round?")
     if near(_DEGREE):
         return "is it in rad/s labelled as deg/s, or the motor angle in degrees labelled as radians?"
     if near(1e3) or near(1e-3):

@@ -8,8 +8,6 @@ Stacks (S, N, ...) of such fits are solved together: M and p_base stand at the 4
 coordinates share, and without them 3 unknowns are left.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm.numerics.rotation import nearest
@@ -17,9 +15,8 @@ from exactarm.numerics.rotation import nearest
 _WELL_POSED = 1e-6  # on the diagonal of R, of columns with an RMS of one: below it the least norm is taken
 
 
-def linear_frames(
-    points: np.ndarray, rotations: np.ndarray, measured: np.ndarray, most: float = np.inf
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+def linear_frames(points: np.ndarray, rotations: np.ndarray, measured: np.ndarray,
+                  most: float = np.inf) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     """Rotation of the base frame, offset of the points and tool (6,), what is left of every row (N, 3), and
     the size of the device's points beside the arm's. Where no matrix in place of the rotation leaves less
     than `most` (RMS, m), what that one leaves, and no frames."""

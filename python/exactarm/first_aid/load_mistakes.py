@@ -7,8 +7,6 @@ masses: friction and payload come on top). It never corrects: what is said is sa
 as it stands.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np
@@ -34,11 +32,11 @@ def payload_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
     own = robot.mass or sum(link.mass for link in robot.links or ())
     if own > 0.0 and mass.max(initial=0.0) > HEAVY * own:
         yield Suspicion(f"payload_kg is up to {mass.max():g} kg, the arm itself weighs {own:.3g} kg: is it "
-                        "in g or lb? It is used as it stands", sentence=True)
+                        "in g or lb? It is used as it stands")
     away = float(np.linalg.norm(centre - data.flange.position, axis=1).max(initial=0.0))
     if away > FAR_M:
         yield Suspicion(f"the payload's centre lies {away:g} m from the flange: is it in mm? It is used as "
-                        "it stands", sentence=True)
+                        "it stands")
 
 
 def load_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
@@ -47,11 +45,8 @@ def load_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
         given = ~np.isnan(data.joints["current"]).all(axis=0)
         without = np.flatnonzero(given & np.array([joint.torque_constant is None for joint in robot.joints]))
         if without.size:
-            yield Suspicion(
-                f"currents of {axes_in_words(without)} are no load: the robot file declares no "
-                "torque_constant_Nm_A there",
-                sentence=True,
-            )
+            yield Suspicion(f"currents of {axes_in_words(without)} are no load: the robot file declares no "
+                            "torque_constant_Nm_A there")
     guessed = with_generic_masses(robot)
     load = RestLoad.of(guessed, data)
     if guessed.links is None or not load.fixed.any():
@@ -69,11 +64,8 @@ def load_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
     if together < AGAINST:
         yield Suspicion(
             f"the torques measured at rest run against gravity (correlation {together:.2f}): is their sign "
-            "that of the load? They are used as they stand", sentence=True,
-        )
+            "that of the load? They are used as they stand")
     if not 1.0 / most < size < most:
         unit = "is it Nm, on the output side of the gear?"
-        yield Suspicion(
-            f"the torques measured at rest vary {size:.2g} times as much as gravity does: {unit} "
-            "They are used as they stand", sentence=True,
-        )
+        yield Suspicion(f"the torques measured at rest vary {size:.2g} times as much as gravity does: {unit} "
+                        "They are used as they stand")

@@ -31,8 +31,7 @@ class Misfit:
     orientation: float = np.nan
 
     def shares(self, other: Misfit) -> tuple[float, float]:
-        """How many times smaller the other is, in position and in orientation (1 where there is nothing to
-        compare)."""
+        """How many times smaller the other is, in position and in orientation (1: nothing to compare)."""
         position = self.position / max(other.position, 1e-12)
         if not (np.isfinite(self.orientation) and np.isfinite(other.orientation)):
             return position, 1.0
@@ -98,9 +97,8 @@ def flanges(tried: Sequence[tuple[Robot, Layout, Dataset]]) -> tuple[np.ndarray,
     return position, rotation
 
 
-def misfit_of(
-    points: np.ndarray, rotations: np.ndarray, data: Dataset, group: np.ndarray, most: float
-) -> tuple[Misfit, float]:
+def misfit_of(points: np.ndarray, rotations: np.ndarray, data: Dataset, group: np.ndarray,
+              most: float) -> tuple[Misfit, float]:
     """The misfit of all groups of rows together, each with frames of its own, and how many times as far apart
     as the robot says the points lie. Where positions are off by more than `most`, m, they may be off by even
     more, and orientations are not looked at."""

@@ -6,8 +6,6 @@ left without raising any axis'. Friction that drives tells of a wrong sign by it
 from an axis. Declared masses, or the arm's size, tell of a wrong unit of torque.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
@@ -30,9 +28,8 @@ from exactarm.robot_file import load_robot, shipped_robots
 
 _DEGREE = np.pi / 180.0
 _NOT_WORSE = 1.05
-_ALL_AXES_FALL = (
-    1.8  # product over the axes, for mistakes that all axes feel a little: gravity, units of angles
-)
+# product over the axes, for mistakes that all axes feel a little: gravity, units of angles
+_ALL_AXES_FALL = 1.8
 _LAGS_S = (0.01, 0.03, 0.1, 0.3, 1.0)  # tried first; what filters and buses delay is below a hundredth
 _DRIFTS = (0.0003, 0.001, 0.003, 0.01, 0.03)  # share of the time
 _TIMES = (0.4, 0.6, 0.8, 1.2, 1.5, 2.0, 3.0)  # by which all times could be too long
@@ -88,8 +85,7 @@ def is_measured_whole(data: Dataset) -> bool:
 
 
 def fall(now: Explained, other: Explained) -> float:
-    """How many times smaller the share of the axis that gains most would be; 0 where the other is no better
-    explanation."""
+    """How many times smaller the share of the axis that gains most would be; 0: no better explanation."""
     falls = now.shares / np.maximum(other.shares, 1e-9)
     most, product = float(falls.max()), float(np.prod(falls))
     drives = np.sum(other.friction < -_CERTAIN_FRICTION) > np.sum(now.friction < -_CERTAIN_FRICTION)
@@ -117,17 +113,13 @@ def candidates(samples: MotionSamples) -> Iterator[Candidate]:
         for sign in (1.0, -1.0):
             along = sign * np.linalg.norm(up) * motion.robot.controller.base.rotation[k]
             if np.linalg.norm(np.cross(along, up)) > 0.5 * np.linalg.norm(up) ** 2:
-                yield (
-                    f"gravity along {'+' if sign > 0 else '-'}{name} of the base (the arm's mounting)",
-                    replace(samples, motion=motion.under(along)),
-                )
+                yield (f"gravity along {'+' if sign > 0 else '-'}{name} of the base (the arm's mounting)",
+                       replace(samples, motion=motion.under(along)))
     for i in range(n):
         other = np.where(np.arange(n) == i, -1.0, 1.0)
         turned = samples.with_angles(lambda values, other=other: values * other)
-        yield (
-            f"the opposite sign of axis {i + 1} (angle and torque)",
-            turned.with_torques(lambda values, other=other: values * other),
-        )
+        yield (f"the opposite sign of axis {i + 1} (angle and torque)",
+               turned.with_torques(lambda values, other=other: values * other))
         for angle in (90.0, -90.0, 180.0):
             zero = np.where(np.arange(n) == i, angle * _DEGREE, 0.0)
             words = f"another zero of axis {i + 1} (by {angle:+.0f} degrees)"
@@ -143,17 +135,13 @@ def _driving_friction(now: Explained) -> Iterator[Suspicion]:
         return
     if braking.size == 0 and driving.size > 1:
         yield Suspicion(
-            "the friction of all axes would drive the arm: do the torques have the opposite sign?",
-            sentence=True,
-        )
+            "the friction of all axes would drive the arm: do the torques have the opposite sign?")
         return
     verb = "drives" if driving.size == 1 else "drive"
     sign = "its torque or its angle" if driving.size == 1 else "their torques or their angles"
     yield Suspicion(
         f"the friction of {axes_in_words(driving)} {verb} instead of braking: does {sign} have the opposite "
-        "sign?",
-        sentence=True,
-    )
+        "sign?")
 
 
 def clocks(model: Model, samples: MotionSamples, now: Explained, step: float) -> Iterator[Rival]:
@@ -195,8 +183,7 @@ def _other_clock(model: Model, samples: MotionSamples, now: Explained) -> Iterat
 
 
 def _scaled_time(model: Model, samples: MotionSamples, now: Explained) -> Iterator[Rival]:
-    """All times too long or too short: masses hold against gravity and against acceleration, in
-    proportion."""
+    """All times too long or too short: masses hold against gravity and acceleration in proportion."""
     @cache
     def at(k: float) -> Explained:
         return model(replace(samples, motion=samples.motion.at(k)))
@@ -239,14 +226,10 @@ def _units(robot: Robot, samples: MotionSamples) -> Iterator[Suspicion]:
         if not _LEAST_OF_DECLARED < share < _MOST_OF_DECLARED:
             yield Suspicion(
                 f"the torques are {share:.2g} times those of the declared masses: are they in another unit "
-                "(mNm, N cm), at the motor's shaft, or is it the file of another arm?",
-                sentence=True,
-            )
+                "(mNm, N cm), at the motor's shaft, or is it the file of another arm?")
         return
     size = reach(robot)
     if size > 0.0 and not _LEAST_LOAD_NM_M3 < torque / size**3 < _MOST_LOAD_NM_M3:
         yield Suspicion(
             f"torques of {torque:.3g} Nm at an arm that reaches {size:.2g} m: are they in another unit (mNm, "
-            "N cm), or at the motor's shaft?",
-            sentence=True,
-        )
+            "N cm), or at the motor's shaft?")

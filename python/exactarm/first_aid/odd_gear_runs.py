@@ -84,8 +84,8 @@ def runs_of_several_axes(robot: Robot, data: Dataset) -> list[Suspicion]:
     beside = f" (and so in {others} more of {len(runs)} runs)" if others else ""
     return [Suspicion(
         f"{run_words(data, rows)}: {axes_in_words(moving)} move at once{beside}; a gyroscope shows the gear "
-        "of one axis while the others stand still: what is said of gears from such runs is not to be trusted",
-        sentence=True)]
+        "of one axis while the others stand still: what is said of gears from such runs is not to be "
+        "trusted")]
 
 
 def odd_gear_runs(data: Dataset, runs: list[GyroRun], tolerance: float,
@@ -96,12 +96,11 @@ def odd_gear_runs(data: Dataset, runs: list[GyroRun], tolerance: float,
         for run in alike if len(alike) > 1 else ():
             others = [each for each in alike if each is not run]
             if words := _share_words(run, others, tolerance, meant) or _direction_words(run, others):
-                return [Suspicion(f"{run_words(data, run.rows)}: {words}", sentence=True)]
+                return [Suspicion(f"{run_words(data, run.rows)}: {words}")]
     return []
 
 
-def _share_words(run: GyroRun, others: list[GyroRun], tolerance: float,
-                 meant: Callable[[float], str]) -> str:
+def _share_words(run: GyroRun, others: list[GyroRun], tolerance: float, meant: Callable[[float], str]) -> str:
     near = lambda one: abs(np.log(max(one.share, 1e-300)))
     sure = lambda one, other: tolerance + one.unsure + other.unsure
     if any(abs(run.share / max(each.share, 1e-300) - 1.0) < sure(run, each) for each in others):

@@ -70,8 +70,7 @@ def odd_rows(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -> lis
     return in_order(found)
 
 
-def _of_session(bare: Robot, carried: Layout, whole: Dataset, rows: np.ndarray,
-                seed: int) -> list[Suspicion]:
+def _of_session(bare: Robot, carried: Layout, whole: Dataset, rows: np.ndarray, seed: int) -> list[Suspicion]:
     data = whole.select(rows)
     flange = predict_poses(bare, carried, data, tangents=False)
     given = flange.position, flange.rotation, data.position

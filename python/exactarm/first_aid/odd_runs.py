@@ -23,14 +23,7 @@ from exactarm.first_aid.drive_model import (
     samples_of,
     torque_sizes,
 )
-from exactarm.first_aid.motion_mistakes import (
-    Candidate,
-    candidates,
-    clocks,
-    fall,
-    is_measured_whole,
-    undone,
-)
+from exactarm.first_aid.motion_mistakes import Candidate, candidates, clocks, fall, is_measured_whole, undone
 from exactarm.first_aid.suspicion import FALL, Suspicion, in_order, run_words
 from exactarm.numerics.signals import typical_step
 from exactarm.robot.robot import Robot

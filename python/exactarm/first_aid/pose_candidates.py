@@ -6,8 +6,6 @@ frame, rows beside the wrong angles, the convention of the quaternion. Robot: an
 is shipped. `pose_mistakes` judges them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import combinations
@@ -22,9 +20,8 @@ from exactarm.robot.robot import Placement, Robot
 from exactarm.robot_file import load_robot, shipped_robots
 
 MOST_AXES_FOR_SIGNS = 7  # all combinations of signs: 128; arms with more axes get single ones and pairs
-ANOTHER_SIZE = (
-    0.03  # of the lengths: arms of one maker differ by more, and no arm is off by so much as a whole
-)
+# of the lengths: arms of one maker differ by more, and no arm is off by so much as a whole
+ANOTHER_SIZE = 0.03
 # mm for m and another arm by far; beyond, the flange turns on its place, as a turntable's does: any unit fits
 FARTHEST_SIZE = 1e5
 _TURN = 2.0 * np.pi
@@ -35,9 +32,8 @@ _ALL_COLUMNS = "xyz"
 Candidate = tuple[str, Robot, Dataset]
 
 
-def candidates(
-    robot: Robot, data: Dataset, whole: Dataset, rows: np.ndarray, size: float
-) -> Iterator[Candidate]:
+def candidates(robot: Robot, data: Dataset, whole: Dataset, rows: np.ndarray,
+               size: float) -> Iterator[Candidate]:
     """(what would have been meant, robot, data) of every mistake; `data` are the rows `rows` of `whole`,
     `size`: how many times as far apart as the robot says the points lie."""
     sized = 1.0 / FARTHEST_SIZE < size < FARTHEST_SIZE
@@ -46,18 +42,9 @@ def candidates(
         yield words, robot, changed
     for name in shipped_robots():
         other = load_robot(name)
-        if (
-            other.has_geometry
-            and other.axes == robot.axes
-            and other.name != robot.name
-            and _turns_alike(other, data)
-        ):
+        turns = "theta" not in data.joints or all(joint.has_gear for joint in other.joints)
+        if other.has_geometry and other.axes == robot.axes and other.name != robot.name and turns:
             yield f"data of {name}", replace(other, base=Placement(), tool=Placement()), data
-
-
-def _turns_alike(other: Robot, data: Dataset) -> bool:
-    """Whether `other` can turn the angles of the data into joint angles."""
-    return "theta" not in data.joints or all(joint.has_gear for joint in other.joints)
 
 
 def of_angles(robot: Robot, data: Dataset) -> Iterator[tuple[str, Dataset]]:
@@ -84,31 +71,22 @@ def of_angles(robot: Robot, data: Dataset) -> Iterator[tuple[str, Dataset]]:
         yield "all axes one column further on", with_joints(_order(list(np.roll(np.arange(n), shift))))
     for i in turning:
         for angle in (90.0, -90.0, 180.0):
-            yield (
-                f"another zero of axis {i + 1} (by {angle:+.0f} degrees)",
-                with_joints(turned(i, angle * _DEGREE, robot)),
-            )
+            yield (f"another zero of axis {i + 1} (by {angle:+.0f} degrees)",
+                   with_joints(turned(i, angle * _DEGREE, robot)))
     for i, j in [(i, i + 1) for i in range(n - 1)] + [(i + 1, i) for i in range(n - 1)]:
         for sign in (1.0, -1.0):
-            words = (
-                f"axis {j + 1} counted {'from' if sign > 0 else 'with'} axis {i + 1}, as controllers of "
-                f"coupled arms do ({_told_by(robot, i, j, sign)})"
-            )
+            words = (f"axis {j + 1} counted {'from' if sign > 0 else 'with'} axis {i + 1}, as controllers of "
+                     f"coupled arms do ({_told_by(robot, i, j, sign)})")
             yield words, with_joints(_coupled(i, j, sign, robot))
     if any(joint.has_gear for joint in robot.joints):
-        yield (
-            "motor angles labelled as q_i",
-            with_angles(data, scaled(list(axes), 1.0 / robot.ratios), ("q",)),
-        )
-        yield (
-            "joint angles labelled as theta_i",
-            with_angles(data, scaled(list(axes), robot.ratios), ("theta",)),
-        )
+        yield ("motor angles labelled as q_i",
+               with_angles(data, scaled(list(axes), 1.0 / robot.ratios), ("q",)))
+        yield ("joint angles labelled as theta_i",
+               with_angles(data, scaled(list(axes), robot.ratios), ("theta",)))
 
 
-def with_angles(
-    data: Dataset, change: Callable[[np.ndarray, str], np.ndarray], names: tuple[str, ...] = ("theta", "q")
-) -> Dataset:
+def with_angles(data: Dataset, change: Callable[[np.ndarray, str], np.ndarray],
+                names: tuple[str, ...] = ("theta", "q")) -> Dataset:
     """Columns of angles changed; change: of a copy (N, n) and the name of the column."""
     joints = {name: change(data.joints[name].copy(), name) for name in names if name in data.joints}
     return replace(data, joints=data.joints | joints)
@@ -158,10 +136,8 @@ def _of_units(data: Dataset) -> Iterator[tuple[str, Dataset]]:
     yield "millimetres labelled as metres", position(1e-3)
     yield "metres labelled as millimetres", position(1e3)
     for k, name in enumerate(_ALL_COLUMNS):
-        for factor, words in (
-            (1e-3, "millimetres labelled as metres"),
-            (1e3, "metres labelled as millimetres"),
-        ):
+        for factor, words in ((1e-3, "millimetres labelled as metres"),
+                              (1e3, "metres labelled as millimetres")):
             yield f"{words} in {name}", position(np.where(np.arange(3) == k, factor, 1.0))
 
 
@@ -182,12 +158,9 @@ def _of_device(data: Dataset) -> Iterator[tuple[str, Dataset]]:
         yield "a rotation vector in degrees labelled as radians", replace(data, rotation=meant)
 
 
-_TURNS = (
-    ("roll, pitch and yaw (to be named so)", "xyz"),
-    ("yaw, pitch and roll (to be named so)", "ZYX"),
-    ("turns about moving x, y and z", "XYZ"),
-    ("turns about moving z, y and z", "ZYZ"),
-)
+_TURNS = (("roll, pitch and yaw (to be named so)", "xyz"),
+          ("yaw, pitch and roll (to be named so)", "ZYX"),
+          ("turns about moving x, y and z", "XYZ"), ("turns about moving z, y and z", "ZYZ"))
 _CONVENTIONS = (
     ("a conjugate quaternion (of the device in the target)", [0, 1, 2, 3], [1.0, -1.0, -1.0, -1.0]),
     ("a quaternion in the order x, y, z, w", [3, 0, 1, 2], [1.0, 1.0, 1.0, 1.0]),
@@ -197,8 +170,7 @@ _CONVENTIONS = (
     ("qx and qz exchanged", [0, 3, 2, 1], [1.0, 1.0, 1.0, 1.0]),
     ("the opposite sign of qx", [0, 1, 2, 3], [1.0, -1.0, 1.0, 1.0]),
     ("the opposite sign of qy", [0, 1, 2, 3], [1.0, 1.0, -1.0, 1.0]),
-    ("the opposite sign of qz", [0, 1, 2, 3], [1.0, 1.0, 1.0, -1.0]),
-)
+    ("the opposite sign of qz", [0, 1, 2, 3], [1.0, 1.0, 1.0, -1.0]))
 
 
 def _rotations(quaternions: np.ndarray) -> np.ndarray:
@@ -211,12 +183,10 @@ def _of_rows(data: Dataset, whole: Dataset, rows: np.ndarray) -> Iterator[tuple[
         order = np.clip(rows + shift, 0, len(whole) - 1)
         return np.where(whole.session[order] == whole.session[rows], order, rows)
 
-    for shift, words in (
-        (1, "positions one row later than the angles"),
-        (-1, "positions one row earlier than the angles"),
-        (2, "positions two rows later than the angles"),
-        (-2, "positions two rows earlier than the angles"),
-    ):
+    for shift, words in ((1, "positions one row later than the angles"),
+                         (-1, "positions one row earlier than the angles"),
+                         (2, "positions two rows later than the angles"),
+                         (-2, "positions two rows earlier than the angles")):
         order = rows_beside(shift)
         rotation = None if whole.rotation is None else whole.rotation[order]
         yield words, replace(data, position=whole.position[order], rotation=rotation)

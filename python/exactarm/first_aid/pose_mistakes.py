@@ -9,8 +9,6 @@ less; of an error that arms have, where it leaves less than the calibrated arm (
 tells: nothing is corrected.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -41,16 +39,8 @@ from exactarm.robot.robot import Placement, Robot
 
 MOST_ROWS = 120  # of a session, evenly spread: a mistake shows in every row
 LEAST_ROWS = 10  # of a session: 30 numbers for the 15 unknowns of the linear fit
-_SCALES = (
-    0.5,
-    0.8,
-    0.9,
-    0.95,
-    1.05,
-    1.1,
-    1.25,
-    2.0,
-)  # wrong ratios of gears, from which the best one is looked for
+# wrong ratios of gears, from which the best one is looked for
+_SCALES = (0.5, 0.8, 0.9, 0.95, 1.05, 1.1, 1.25, 2.0)
 _SUSPICIOUS_SHARE = 0.005  # of the reach: a whole axis that turns wrongly leaves more
 _LEAST_SHARE = 5e-4  # of the reach: what a wrong clock leaves, less is an arm's own
 _CLOCK_GAP_S = 0.2  # at the end of a run: less may be a delay throughout, of which the library knows 0.1 s
@@ -94,15 +84,10 @@ def pose_mistakes(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -
     least = max(LEAST_ORIENTATION_RAD, 0.1 * np.nan_to_num(now.orientation))
     told = now.orientation > LEAST_ORIENTATION_RAD and now.position < 0.3 * least
     if not found and told and _turns_otherwise(bare, carried, data) > least:
-        found.append(
-            Suspicion(
-                f"the measured orientations do not follow the arm ({now.orientation:.2g} rad RMS beside "
-                f"{1e3 * now.position:.2g} mm): "
-                "are they angles of another convention, a quaternion in another order, or rows shuffled?",
-                np.inf,
-                sentence=True,
-            )
-        )
+        found.append(Suspicion(
+            f"the measured orientations do not follow the arm ({now.orientation:.2g} rad RMS beside "
+            f"{1e3 * now.position:.2g} mm): are they angles of another convention, a quaternion in another "
+            "order, or rows shuffled?"))
     return in_order(found)
 
 
@@ -133,9 +118,8 @@ def _turns_otherwise(bare: Robot, carried: Layout, data: Dataset) -> float:
 
 
 # -- mistakes that have a size, or a place in the record ---------------------------------------------
-def _another_size(
-    bare: Robot, carried: Layout, data: Dataset, size: float, now: Misfit, seed: int
-) -> Iterator[Suspicion]:
+def _another_size(bare: Robot, carried: Layout, data: Dataset, size: float, now: Misfit,
+                  seed: int) -> Iterator[Suspicion]:
     """All lengths by one factor, with the frames as a calibration finds them: on a line or a circle the
     linear ones are not known."""
     if not ANOTHER_SIZE < abs(size - 1.0) or not 1.0 / FARTHEST_SIZE < size < FARTHEST_SIZE:
@@ -167,9 +151,8 @@ def _scaled_columns(bare: Robot, carried: Layout, data: Dataset, now: Misfit) ->
         yield Suspicion(f"column {'xyz'[k]} alone {factors[k]:.3g} times as large (inches or feet?)", fall)
 
 
-def _another_clock(
-    bare: Robot, carried: Layout, data: Dataset, now: Misfit, seed: int
-) -> Iterator[Suspicion]:
+def _another_clock(bare: Robot, carried: Layout, data: Dataset, now: Misfit,
+                   seed: int) -> Iterator[Suspicion]:
     """A device whose time runs faster or slower than the controller's, from one start of each run on."""
     known = TRACKED_MOTION.name in data.kinds and data.time is not None
     if not known or now.position < _LEAST_SHARE * reach(bare):
@@ -223,12 +206,8 @@ def _scales_of_axes(bare: Robot, carried: Layout, data: Dataset, now: Misfit) ->
     around = np.sort([1.0, *_SCALES])
     place = int(np.searchsorted(around, factor))
     ends = around[max(place - 1, 0)], around[min(place + 1, len(around) - 1)]
-    best = minimize_scalar(
-        lambda value: -falls([(axis, value)])[0],
-        bounds=ends,
-        method="bounded",
-        options={"maxiter": 40, "xatol": 1e-5},
-    )
+    best = minimize_scalar(lambda value: -falls([(axis, value)])[0],
+                           bounds=ends, method="bounded", options={"maxiter": 40, "xatol": 1e-5})
     if -best.fun >= FALL:
         words = f"axis {axis + 1} turning {best.x:.4g} times as far as the data say (its gear ratio?)"
         yield Suspicion(words, -float(best.fun))
@@ -261,15 +240,13 @@ def _changes_midway(bare: Robot, carried: Layout, data: Dataset, now: Misfit) ->
         rough = places[int(np.argmax(falls(places)))]
         near = (last - LEAST_ROWS) // _SPLITS + 1
         places = np.arange(max(rough - near, LEAST_ROWS), min(rough + near, last) + 1)
-        best = max(zip(falls(places), rows[places].tolist()))
-        if best[0] >= FALL and now.position / best[0] * FALL < min(
-            left_standing(data.select(part)) for part in (rows[rows < best[1]], rows[rows >= best[1]])
-        ):
-            at = best[1]
-            yield Suspicion(
-                f"another tool, target or device frame from about {data.place_of(at)} on (two sessions)",
-                best[0],
-            )
+        fall, at = max(zip(falls(places), rows[places].tolist()))
+        if fall < FALL:
+            continue
+        standing = min(left_standing(data.select(part)) for part in (rows[rows < at], rows[rows >= at]))
+        if now.position / fall * FALL < standing:
+            yield Suspicion(f"another tool, target or device frame from about {data.place_of(at)} on (two "
+                            "sessions)", fall)
 
 
 def _gross_rows(bare: Robot, carried: Layout, data: Dataset) -> Iterator[Suspicion]:

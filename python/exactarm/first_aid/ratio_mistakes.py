@@ -11,8 +11,6 @@ each axis' torque; the rest is free. Were the masses free, they would take a rat
 are left falls `LEAST_FALL` times.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -57,8 +55,7 @@ def ratio_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
     if np.prod(falls) > LEAST_FALL and falls.min() > 1.0 / _NOT_WORSE and abs(scale - 1.0) > _LEAST_OFF:
         ratio = robot.joints[axis].ratio
         yield Suspicion(f"with a gear ratio of axis {axis + 1} of about {scale * ratio:.3g} in place of "
-                        f"{ratio:.4g} the torques would fit the declared masses better: check the robot file",
-                        sentence=True)
+                        f"{ratio:.4g} the torques would fit the declared masses better: check the robot file")
 
 
 def _with_ratio(samples: MotionSamples, data: Dataset, axis: int, scale: float) -> MotionSamples:

@@ -4,8 +4,6 @@ time in another unit, torques beyond the drives' own, a column that stands still
 Thresholds leave room: an arm may go a little beyond its limits, but not half a range.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np
@@ -51,11 +49,9 @@ def limit_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
 
 def cell_mistakes(data: Dataset) -> Iterator[Suspicion]:
     """Single cells far off all others of their column."""
-    columns = {
-        f"{name}_{i + 1}": values[:, i]
-        for name, values in data.joints.items()
-        for i in range(values.shape[1])
-    }
+    columns = {f"{name}_{i + 1}": values[:, i]
+               for name, values in data.joints.items()
+               for i in range(values.shape[1])}
     for name, vector in (("x, y, z", data.position), ("gyro", data.gyro)):
         if vector is not None:
             columns |= {f"{name} ({'xyz'[k]})": vector[:, k] for k in range(3)}
@@ -67,9 +63,7 @@ def cell_mistakes(data: Dataset) -> Iterator[Suspicion]:
         if len(size) > 5 and size[at] > FAR_OFF * max(usual, 1e-9):
             yield Suspicion(
                 f"column {name}, {data.place_of(at)}: {values[at]:.3g} is {size[at] / max(usual, 1e-9):.2g} "
-                "times as large as nearly all other cells: is it a gross error?",
-                sentence=True,
-            )
+                "times as large as nearly all other cells: is it a gross error?")
 
 
 def repeated_rows(data: Dataset) -> Iterator[Suspicion]:
@@ -95,9 +89,7 @@ def repeated_rows(data: Dataset) -> Iterator[Suspicion]:
         yield Suspicion(
             f"{length} rows from {data.place_of(start)} on are those from "
             f"{data.place_of(int(before[start]))} on, to the last digit: was a file given twice, under "
-            "another name? Intervals would be too narrow",
-            sentence=True,
-        )
+            "another name? Intervals would be too narrow")
 
 
 def _primes(count: int) -> np.ndarray:
@@ -124,13 +116,11 @@ def _without_sign(data: Dataset) -> Iterator[Suspicion]:
             i = int(still[0])
             yield Suspicion(
                 f"{name}_{i + 1} is {torque[0, i]:.3g} Nm in every row: is it a column that was never "
-                "measured?",
-                sentence=True,
-            )
+                "measured?")
             return
     alone = data.position is None and data.gyro is None  # torques are all that is measured
     if alone and given and all(np.nanmin(torque) >= 0.0 for torque in given.values()):
-        yield Suspicion("no torque is ever negative, on any axis: are they absolute values?", sentence=True)
+        yield Suspicion("no torque is ever negative, on any axis: are they absolute values?")
 
 
 def _wrapped(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
@@ -146,16 +136,14 @@ def _wrapped(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
                 yield Suspicion(
                     f"{name}_{axis + 1} jumps by {_turns(values, row, axis)} at "
                     f"{data.place_of(int(row) + 1)}: are the angles wrapped to one turn, as -180 to 180 "
-                    "degrees, or does a counter begin anew?", sentence=True,
-                )
+                    "degrees, or does a counter begin anew?")
                 return
         elif name == "theta" and (np.abs(robot.ratios[revolute]) > GEARED).all():
             size = np.ptp(values[:, revolute], axis=0)
             if (0.5 * TURN < size).all() and (size <= TURN).all():
                 yield Suspicion(
                     "the motor angles of all axes lie within one turn of the motor: are they wrapped, as "
-                    "-180 to 180 degrees?", sentence=True,
-                )
+                    "-180 to 180 degrees?")
 
 
 def _full_turns(values: np.ndarray, run: np.ndarray) -> np.ndarray:
@@ -191,8 +179,7 @@ def _stuck(data: Dataset) -> Iterator[Suspicion]:
     if held.size > MOST_HELD * len(data):
         yield Suspicion(
             f"x, y, z are those of the row before in {held.size} rows though the arm moved, first in "
-            f"{data.place_of(int(held[0]) + 1)}: had the device lost its target?", sentence=True,
-        )
+            f"{data.place_of(int(held[0]) + 1)}: had the device lost its target?")
 
 
 def _ranges(robot: Robot, angles: np.ndarray) -> Iterator[Suspicion]:
@@ -208,21 +195,13 @@ def _ranges(robot: Robot, angles: np.ndarray) -> Iterator[Suspicion]:
     if not beyond:
         return
     axes = axes_in_words(i for i, _, _ in beyond)
-    fits = all(
-        low <= np.nanmin(values) and np.nanmax(values) <= high
-        for i, low, high in beyond
-        for values in [_DEGREE * angles[:, i]]
-    )
+    fits = all(low <= np.nanmin(values) and np.nanmax(values) <= high for i, low, high in beyond
+               for values in [_DEGREE * angles[:, i]])
     largest = max(float(np.nanmax(np.abs(angles[:, i]))) for i, _, _ in beyond)
-    meant = (
-        ": are they degrees labelled as radians?"
-        if fits
-        else ": are they motor angles, in another unit, or of another robot?"
-    )
+    meant = (": are they degrees labelled as radians?" if fits
+             else ": are they motor angles, in another unit, or of another robot?")
     yield Suspicion(
-        f"joint angles of {axes} go to {largest:.3g} rad, far beyond what the axis can turn{meant}",
-        sentence=True,
-    )
+        f"joint angles of {axes} go to {largest:.3g} rad, far beyond what the axis can turn{meant}")
 
 
 def _rates(robot: Robot, data: Dataset, angles: np.ndarray) -> Iterator[Suspicion]:
@@ -241,23 +220,17 @@ def _rates(robot: Robot, data: Dataset, angles: np.ndarray) -> Iterator[Suspicio
     step, revolute = float(np.median(steps)), np.array([joint.type == "revolute" for joint in robot.joints])
     usual = fastest[revolute].max() if revolute.any() else np.inf
     if step > LONGEST_STEP_S or (step > LONG_STEP_S and 0.0 < usual < LEAST_RATE_RAD_S):
-        yield Suspicion(
-            f"samples lie {step:.3g} s apart: is the time in milliseconds, labelled as seconds?",
-            sentence=True,
-        )
+        yield Suspicion(f"samples lie {step:.3g} s apart: is the time in milliseconds, labelled as seconds?")
         return
     limits = np.array(
-        [RATE_BEYOND * joint.q_dot_max if joint.q_dot_max else MOST_RATE_RAD_S for joint in robot.joints]
-    )
+        [RATE_BEYOND * joint.q_dot_max if joint.q_dot_max else MOST_RATE_RAD_S for joint in robot.joints])
     fast = np.flatnonzero(revolute & (fastest > limits))
     if fast.size:
         i = fast[np.argmax(fastest[fast] / limits[fast])]
         meant = "angles in degrees labelled as radians, or a time in seconds labelled as milliseconds"
         yield Suspicion(
             f"axis {i + 1} turns at {fastest[i]:.3g} rad/s, faster than it can ({limits[i]:.3g} rad/s): is "
-            f"it {meant}?",
-            sentence=True,
-        )
+            f"it {meant}?")
 
 
 def _torques(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
@@ -273,7 +246,5 @@ def _torques(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
             if joint.torque_max and usual > TORQUE_BEYOND * joint.torque_max:
                 yield Suspicion(
                     f"{name}_{i + 1} reaches {usual:.3g} Nm, the drive {joint.torque_max:.3g} Nm: is it "
-                    "another unit, or the motor's side beside the gear's?",
-                    sentence=True,
-                )
+                    "another unit, or the motor's side beside the gear's?")
                 return

@@ -1,7 +1,5 @@
 """A mistake that the user may have made, and how much better the data fit without it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,23 +16,23 @@ _WITHOUT_A_REST = 1e6
 
 @dataclass(frozen=True)
 class Suspicion:
-    """`words`: what would have been meant; `fall`: how many times smaller the error would be; `sentence`:
-    words say it all."""
+    """`words`: what would have been meant; `fall`: how many times smaller the error would be, without it a
+    sentence that says it all."""
 
     words: str
     fall: float = np.inf
-    sentence: bool = False
+
+    @property
+    def sentence(self) -> bool:
+        return bool(np.isinf(self.fall))
 
     @property
     def text(self) -> str:
         """As a warning says it."""
         if self.sentence:
             return self.words
-        times = (
-            f"{float(f'{self.fall:.2g}'):,.10g} times better"
-            if self.fall < _WITHOUT_A_REST
-            else "without a rest"
-        )
+        times = (f"{float(f'{self.fall:.2g}'):,.10g} times better" if self.fall < _WITHOUT_A_REST
+                 else "without a rest")
         return f"with {self.words} the data would fit the robot {times}: check files, columns and units"
 
 

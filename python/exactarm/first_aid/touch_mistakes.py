@@ -8,8 +8,6 @@ in shares of the flange's travel: angles that hardly turn the arm would meet any
 changes of angles as for poses, tried in one batch. Nothing is corrected.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -4,8 +4,6 @@ What is compared needs no frames: the speed of the target as measured, and that 
 angles.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -56,7 +54,7 @@ def _other_starts(late: dict[int, Lags]) -> list[Suspicion]:
         if abs(apart) > least and np.ptp(others) < 0.5 * abs(apart):
             way = "later" if apart > 0.0 else "earlier"
             return [Suspicion(f"run {run}: the tracker logs {abs(apart):.3g} s {way} than in the other runs: "
-                              "do its samples begin at another instant there?", sentence=True)]
+                              "do its samples begin at another instant there?")]
     return []
 
 
@@ -66,20 +64,10 @@ def clock_suspicions(found: Lags | None, run: str, device: str, much: float = MU
         return []
     if found.drifts:
         share = 1e2 * (found.last - found.first) / found.span
-        return [
-            Suspicion(
-                f"{run}: {device} lags by {1e3 * found.first:.3g} ms at the beginning and by "
-                f"{1e3 * found.last:.3g} ms in the end: does its "
-                f"clock run {abs(share):.2g} % {'slower' if share > 0 else 'faster'}?",
-                sentence=True,
-            )
-        ]
+        return [Suspicion(f"{run}: {device} lags by {1e3 * found.first:.3g} ms at the beginning and by "
+                          f"{1e3 * found.last:.3g} ms in the end: does its clock run {abs(share):.2g} % "
+                          f"{'slower' if share > 0 else 'faster'}?")]
     if abs(found.first) > much:
-        return [
-            Suspicion(
-                f"{run}: {device} lags by {found.first:.3g} s throughout: do its samples begin at another "
-                "instant?",
-                sentence=True,
-            )
-        ]
+        return [Suspicion(f"{run}: {device} lags by {found.first:.3g} s throughout: do its samples begin at "
+                          "another instant?")]
     return []

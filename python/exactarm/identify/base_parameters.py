@@ -7,8 +7,6 @@ borne by the kept ones:   base = kept + K dropped.   Inertias and first moments 
 then rotor inertias, so that the groups read as text books have them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,12 +74,9 @@ def base_parameters(robot: Robot) -> BaseParameters:
         rotors[:, i, i] = robot.controller_ratios[i] ** 2 * q_ddot[:, i]
     matrix = np.concatenate([links, rotors], axis=2).reshape(_STATES * n, 11 * n)
     kept, dropped, nothing = _independent(matrix, _preference(n))
-    K = (
-        np.linalg.lstsq(matrix[:, kept], matrix[:, dropped], rcond=None)[0]
-        if len(dropped) else np.zeros((len(kept), 0))
-    )
-    names = tuple(column_name(c)
-                  for c in range(10 * n)) + tuple(f"rotor_inertia_{i + 1}_kg_m2" for i in range(n))
+    K = (np.linalg.lstsq(matrix[:, kept], matrix[:, dropped], rcond=None)[0]
+         if len(dropped) else np.zeros((len(kept), 0)))
+    names = (*map(column_name, range(10 * n)), *(f"rotor_inertia_{i + 1}_kg_m2" for i in range(n)))
     return BaseParameters(np.array(kept, int), np.array(dropped, int), np.array(nothing, int), K, names)
 
 
@@ -92,8 +87,7 @@ def _preference(n: int) -> list[int]:
 
 
 def _independent(matrix: np.ndarray, order: list[int]) -> tuple[list[int], list[int], list[int]]:
-    """(kept, dropped, zero) columns, each sorted; a column is dropped when those before it in `order` make it
-    up."""
+    """(kept, dropped, zero) columns, each sorted; dropped: those before it in `order` make it up."""
     size = np.linalg.norm(matrix, axis=0)
     largest = size.max()
     basis = np.zeros((matrix.shape[0], 0))

@@ -157,29 +157,21 @@ def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = Calibra
     parts = {"identification": identification, "validation": ~identification}
     apart = wild_rows(error_after)
     wild = (wild_rows_line(error_after, apart),) if options.robust and apart.any() else ()
-    return Calibration(
-        robot=kept_masses(calibrated_robot(robot, train, fit.layout, fit.fit), declared),
-        fit=fit,
-        data=data,
-        identification=identification,
-        error_before=error_before,
-        error_after=error_after,
-        residual_after=residual,
-        before={k: summarise(error_before[mask]) for k, mask in parts.items()},
-        after={k: summarise(error_after[mask]) for k, mask in parts.items()},
-        identifiability=identifiability,
-        orientation=orientation,
-        warnings=(*_warnings(fit, train, found), *wild,
-                  *missing_tilts(robot, fit.layout, train, options.threads),
-                  *_left_over(robot, float(np.sqrt(np.mean(error_after[~apart] ** 2))))),
-        drawn=fit.drawn,
-        payloads=session_payloads(data, fit.layout, fit.fit.interval()),
-    )
+    return Calibration(robot=kept_masses(calibrated_robot(robot, train, fit.layout, fit.fit), declared),
+                       fit=fit, data=data, identification=identification, error_before=error_before,
+                       error_after=error_after, residual_after=residual,
+                       before={k: summarise(error_before[mask]) for k, mask in parts.items()},
+                       after={k: summarise(error_after[mask]) for k, mask in parts.items()},
+                       identifiability=identifiability, orientation=orientation,
+                       warnings=(*_warnings(fit, train, found), *wild,
+                                 *missing_tilts(robot, fit.layout, train, options.threads),
+                                 *_left_over(robot, float(np.sqrt(np.mean(error_after[~apart] ** 2))))),
+                       drawn=fit.drawn,
+                       payloads=session_payloads(data, fit.layout, fit.fit.interval()))
 
 
-def fit_identifiable(
-    robot: Robot, layout: Layout, data: Dataset, orientation: bool, options: CalibrationOptions
-) -> tuple[PoseFit, Identifiability]:
+def fit_identifiable(robot: Robot, layout: Layout, data: Dataset, orientation: bool,
+                     options: CalibrationOptions) -> tuple[PoseFit, Identifiability]:
     """Fits what the poses can tell: freely, then without what turns out to lie under the noise, then drawn to
     the drawing as far as the data say (drawing.py). Readings of one pose count for what they are worth."""
     kept, result = identifiable_layout(robot, layout, data, orientation, threads=options.threads)
@@ -203,15 +195,9 @@ def fit_identifiable(
     return fit(flat.layout, Drawn.around(geometry_layout(robot), flat.layout, flat.fit)), result
 
 
-def identifiable_layout(
-    robot: Robot,
-    layout: Layout,
-    data: Dataset,
-    orientation: bool,
-    sigma: np.ndarray | None = None,
-    threads: int = 1,
-    worth: np.ndarray | None = None,
-) -> tuple[Layout, Identifiability]:
+def identifiable_layout(robot: Robot, layout: Layout, data: Dataset, orientation: bool,
+                        sigma: np.ndarray | None = None, threads: int = 1,
+                        worth: np.ndarray | None = None) -> tuple[Layout, Identifiability]:
     """The layout without the parameters that these poses cannot tell, and why.
 
     sigma (1,) or (2,): standard deviations of position (m) and orientation (rad) components, where known;
@@ -222,17 +208,11 @@ def identifiable_layout(
     rows = prediction.jacobian if orientation else prediction.jacobian[:, :3]
     share = np.ones(len(rows)) if worth is None else np.sqrt(worth)
     weights = None if sigma is None else np.outer(share, np.repeat(1.0 / sigma, 3)).ravel()
-    result = select_identifiable(
-        rows.reshape(-1, layout.size),
-        layout.names,
-        keep_first=sum(name.group is Group.FRAME for name in layout.names),
-        poses=len(rows),
-        weights=weights,
-        sigma=None if sigma is None else 1.0,
-        plausible=[p.plausible for p in layout.parameters],
-        robot=robot,
-        still=still_axes(prediction.view.q),
-    )
+    result = select_identifiable(rows.reshape(-1, layout.size), layout.names,
+                                 keep_first=sum(name.group is Group.FRAME for name in layout.names),
+                                 poses=len(rows), weights=weights, sigma=None if sigma is None else 1.0,
+                                 plausible=[p.plausible for p in layout.parameters],
+                                 robot=robot, still=still_axes(prediction.view.q))
     return layout.without(set(result.dropped_names)), result
 
 
@@ -242,8 +222,7 @@ def require_sessions(train: Dataset, data: Dataset) -> None:
         raise InputError(
             f"session {missing[0]} has no identification rows: its frames cannot be found; expected at least "
             "4 different poses",
-            file=data.select(data.session == missing[0]).first_file,
-        )
+            file=data.select(data.session == missing[0]).first_file)
 
 
 def require_enough(layout: Layout, data: Dataset, orientation: bool) -> None:
@@ -255,8 +234,7 @@ def require_enough(layout: Layout, data: Dataset, orientation: bool) -> None:
         raise InputError(
             f"{distinct} different identification poses give {numbers} numbers for {layout.size} parameters: "
             f"expected at least {layout.size // (6 if orientation else 3) + 1} different poses",
-            file=data.first_file,
-        )
+            file=data.first_file)
 
 
 def calibrated_robot(robot: Robot, data: Dataset, layout: Layout, fit: Fit, kind: str = POSES.name) -> Robot:
@@ -349,19 +327,15 @@ def _warnings(fit: PoseFit, data: Dataset, found: list):
     yield from _beyond_bounds(fit, data)
     if fit.fit.freedom < 2 * fit.layout.size:
         yield (
-            f"only {fit.fit.freedom} degrees of freedom for {fit.layout.size} parameters: measure more poses"
-        )
+            f"only {fit.fit.freedom} degrees of freedom for {fit.layout.size} parameters: measure more poses")
     for session, frames in found:
         if frames.other_tool is not None:
             there = target_on_flange(Placement(position=frames.other_tool), fit.robot.controller)
             point = ", ".join(f"{1e3 * value:.0f}" for value in there.position)
-            advice = (
-                "all axes are parallel, so no pose tells them apart, and none needs to"
-                if _parallel(fit.robot) else "measure poses that differ more in orientation"
-            )
+            advice = ("all axes are parallel, so no pose tells them apart, and none needs to"
+                      if _parallel(fit.robot) else "measure poses that differ more in orientation")
             yield (f"session {session}: another minimum is as good, with the target at ({point}) mm on the "
                    f"flange: {advice}")
         if not 0.9 < frames.scale < 1.1:
-            yield (
-                f"session {session}: measured points spread {frames.scale:.3g} times as far as the model says"
-            )
+            yield (f"session {session}: measured points spread {frames.scale:.3g} times as far as the model "
+                   "says")

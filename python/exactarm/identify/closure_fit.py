@@ -139,23 +139,12 @@ class Pulls:
         own = layout.prior_rows()
         known = known_lengths(layout, self.fixture)
         lengths = np.array([k.row / k.sigma for k in known]).reshape(len(known), layout.size)
-        return (
-            np.concatenate([rows, own, lengths]),
-            np.concatenate([rest, -own @ values, [k.residual / k.sigma for k in known]]),
-        )
+        return (np.concatenate([rows, own, lengths]),
+                np.concatenate([rest, -own @ values, [k.residual / k.sigma for k in known]]))
 
 
-def fit_closures(
-    robot: Robot,
-    layout: Layout,
-    data: Dataset,
-    pulls: Pulls,
-    *,
-    keep: np.ndarray | None = None,
-    worth: np.ndarray | None = None,
-    threads: int = 1,
-    tolerance: float = 1e-9,
-) -> ClosureFit:
+def fit_closures(robot: Robot, layout: Layout, data: Dataset, pulls: Pulls, *, keep: np.ndarray | None = None,
+                 worth: np.ndarray | None = None, threads: int = 1, tolerance: float = 1e-9) -> ClosureFit:
     """Estimates the free parameters of `layout` from all rows of `data` (one device a row). keep (N,): rows
     to use; worth (N,): independent readings that each is worth, absent: one."""
     keep = np.ones(len(data)) if keep is None else np.asarray(keep, float)
@@ -185,9 +174,8 @@ def fit_closures(
     return ClosureFit(robot, layout, fit, noise, prediction, sigma, weight, worth)
 
 
-def expected_deviations(
-    robot: Robot, layout: Layout, data: Dataset, sigma: float, pulls: Pulls, threads: int = 1
-) -> np.ndarray:
+def expected_deviations(robot: Robot, layout: Layout, data: Dataset, sigma: float, pulls: Pulls,
+                        threads: int = 1) -> np.ndarray:
     """(P,) standard deviations of the free parameters that touches good to `sigma` (m or rad) let expect."""
     jacobian = predict_closures(robot, layout, data,
                                 threads=threads).jacobian.reshape(-1, layout.size) / sigma
@@ -210,10 +198,8 @@ def _inner(robot, layout, data, pulls, prediction, scale, bounds, threads, toler
 
     rows = len(pulls.rows(layout)[1])
     weights = np.concatenate([(scale * prediction.used).ravel(), np.ones(rows)])
-    return least_squares(
-        evaluate, layout.values, weights=weights, bounds=bounds, tolerance=tolerance,
-        most_iterations=_INNER_STEPS
-    )
+    return least_squares(evaluate, layout.values, weights=weights, bounds=bounds, tolerance=tolerance,
+                         most_iterations=_INNER_STEPS)
 
 
 def _squares(white: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -235,8 +221,7 @@ def _first_noise(data: Dataset, prediction: ClosurePrediction) -> Noise:
     device, used = noise_classes(data), prediction.used
     return Noise({
         (name, part): _FIRST_SIGMA[k] for k, part in enumerate(_parts(used)) for name in np.unique(device)
-        if used[device == name, 3 * k : 3 * k + 3].any()
-    })
+        if used[device == name, 3 * k : 3 * k + 3].any()})
 
 
 def _estimated_noise(data, prediction: ClosurePrediction, sigma, keep, worth, pull) -> Noise:
@@ -274,8 +259,7 @@ def _pseudo_inverse(matrix: np.ndarray) -> np.ndarray:
 
 
 def _finished(fit, prediction, sigma, keep, worth, weight, pull, tail, settled) -> Fit:
-    """The fit with the covariance of the M-estimator and a check of convergence beside
-    the solver's own."""
+    """The fit with the covariance of the M-estimator and a check of convergence beside the solver's own."""
     used = prediction.used & (keep > 0)[:, None]
     square, count = _squares(prediction.residual / sigma, used)
     psi = (keep * weight**2)[:, None] * prediction.residual / sigma * used
@@ -287,9 +271,8 @@ def _finished(fit, prediction, sigma, keep, worth, weight, pull, tail, settled) 
     redundancy = numbers - float(_leverage(prediction, weight[:, None] * scale, pull).sum())
     freedom = max(int(round(redundancy)), 1)
     tails = TAIL_FREEDOM + square
-    slopes = ((TAIL_FREEDOM + count) * (1.0 / tails - 2.0 * square / np.maximum(count, 1) / tails**2))[
-        keep > 0
-    ]
+    slopes = (TAIL_FREEDOM + count) * (1.0 / tails - 2.0 * square / np.maximum(count, 1) / tails**2)
+    slopes = slopes[keep > 0]
     each = shares[keep > 0] / max(float(shares.sum()), 1.0)
     slope = float(slopes @ each)
     # few numbers for each parameter: Huber's correction of the next order (1981, 7.6)

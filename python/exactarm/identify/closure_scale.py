@@ -5,8 +5,6 @@ longest one of the robot keeps its declared value. Every interval knows that wha
 drawing.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -37,10 +35,8 @@ def gravity_alone(data: Dataset) -> bool:
 
 def longest_length(layout: Layout, held: set[str], first: int) -> str:
     """The longest length of the robot that is still free."""
-    lengths = [
-        (abs(value), name) for name, value in zip(layout.names[first:], layout.values[first:])
-        if name.unit == "m" and name not in held
-    ]
+    lengths = [(abs(value), name) for name, value in zip(layout.names[first:], layout.values[first:])
+               if name.unit == "m" and name not in held]
     return max(lengths)[1]
 
 

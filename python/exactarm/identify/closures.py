@@ -8,8 +8,6 @@ Without a known length nothing tells a robot and its surroundings from a model o
 length is held.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -20,20 +18,9 @@ from exactarm.data.dataset import Dataset
 from exactarm.data.fixture import Fixture
 from exactarm.effects.base import Station
 from exactarm.errors import InputError
-from exactarm.identify.calibrate import (
-    GEOMETRY,
-    JUDGING,
-    Calibration,
-    CalibrationOptions,
-    calibrated_robot,
-)
+from exactarm.identify.calibrate import GEOMETRY, JUDGING, Calibration, CalibrationOptions, calibrated_robot
 from exactarm.identify.closure_fit import ClosureFit, Pulls, fit_closures
-from exactarm.identify.closure_scale import (
-    gravity_alone,
-    longest_length,
-    scale_is_known,
-    with_held_in_doubt,
-)
+from exactarm.identify.closure_scale import gravity_alone, longest_length, scale_is_known, with_held_in_doubt
 from exactarm.identify.compliance import compliance_layout
 from exactarm.identify.contact_starts import sought_anew, with_contacts
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
@@ -73,16 +60,13 @@ _MOUNTED_ANEW = 3.0
 _AS_ONE = ("d", "q_offset")  # of axis 1: they move the arm along and about it
 TOOL_RUNS_AWAY = (
     "the touches do not tell where the tool is: the further from the arm, the better they fit; declare the "
-    "tool's place or the spheres' radii ([[radii]] of the fixture file), or touch from all sides"
-)
+    "tool's place or the spheres' radii ([[radii]] of the fixture file), or touch from all sides")
 AS_ONE = "the robot and everything that it touches may move as one: the contacts absorb it"
 SCALE = (
-    "all lengths times a common factor fit as well: give one distance, radius or bar length of the fixture"
-)
+    "all lengths times a common factor fit as well: give one distance, radius or bar length of the fixture")
 GRAVITY_ALONE = (
     "gravity's direction alone shows no length, nothing of the first axis but its tilt, and no turn about "
-    "the vertical: track the target, or touch a fixture, in some poses as well"
-)
+    "the vertical: track the target, or touch a fixture, in some poses as well")
 
 
 @dataclass(frozen=True)
@@ -97,8 +81,7 @@ class DeclaredClosures:
     fit: ClosureFit
 
 
-def calibrate_closures(robot: Robot, data: Dataset,
-                       options: CalibrationOptions = CalibrationOptions(),
+def calibrate_closures(robot: Robot, data: Dataset, options: CalibrationOptions = CalibrationOptions(),
                        progress: Callable[[str], None] = lambda text: None) -> Calibration:
     """Calibrates on the identification rows and judges on the others. Raises InputError where the data cannot
     support it."""
@@ -112,41 +95,30 @@ def calibrate_closures(robot: Robot, data: Dataset,
     progress(JUDGING)
     fit = declared.fit
     before, after = (
-        closure_errors(robot, each.layout, rows, options.threads) for each in (declared.nominal, fit)
-    )
+        closure_errors(robot, each.layout, rows, options.threads) for each in (declared.nominal, fit))
     parts = {"identification": rows.identification, "validation": ~rows.identification}
     place = judged_rows(rows)
-    beside = lambda each, errors: {
-        name: other_errors(robot, each.layout, rows, errors, mask, options.threads)
-        for name, mask in parts.items()
-    }
-    return Calibration(
-        robot=kept_masses(updated_robot(robot, train, fit), drawn),
-        fit=fit,
-        data=rows,
-        identification=rows.identification,
-        error_before=before.error(),
-        error_after=after.error(),
-        residual_after=after.seen,
-        before={name: summarise(before.error()[mask & place]) for name, mask in parts.items()},
-        after={name: summarise(after.error()[mask & place]) for name, mask in parts.items()},
-        identifiability=declared.identifiability,
-        orientation=fit.prediction.used.shape[1] == 6,
-        beside_before=beside(declared.nominal, before),
-        beside_after=beside(fit, after),
-        warnings=(*_warnings(declared, train),
-                  *length_doubts(fit, train, declared.pulls, options.threads),
-                  *gross_corner_warning(data), *unjudged_lines(rows),
-                  *partner_warnings(fit, train, declared.pulls, options.threads)),
-    )
+    beside = lambda each, errors: {name: other_errors(robot, each.layout, rows, errors, mask, options.threads)
+                                   for name, mask in parts.items()}
+    return Calibration(robot=kept_masses(updated_robot(robot, train, fit), drawn),
+                       fit=fit, data=rows, identification=rows.identification, error_before=before.error(),
+                       error_after=after.error(), residual_after=after.seen,
+                       before={name: summarise(before.error()[mask & place]) for name, mask in parts.items()},
+                       after={name: summarise(after.error()[mask & place]) for name, mask in parts.items()},
+                       identifiability=declared.identifiability,
+                       orientation=fit.prediction.used.shape[1] == 6,
+                       beside_before=beside(declared.nominal, before),
+                       beside_after=beside(fit, after),
+                       warnings=(*_warnings(declared, train),
+                                 *length_doubts(fit, train, declared.pulls, options.threads),
+                                 *gross_corner_warning(data), *unjudged_lines(rows),
+                                 *partner_warnings(fit, train, declared.pulls, options.threads)))
 
 
-def declare_closures(
-    robot: Robot, data: Dataset, compliance: tuple[int, ...] | None = (), seed: int = 0, threads: int = 1,
-    sessions: tuple[int, ...] = (), carried: Layout | None = None,
-) -> DeclaredClosures:
-    """The declared model fitted to all rows of `data` (one device a row); `sessions`: those that share the
-    tool too."""
+def declare_closures(robot: Robot, data: Dataset, compliance: tuple[int, ...] | None = (), seed: int = 0,
+                     threads: int = 1, sessions: tuple[int, ...] = (),
+                     carried: Layout | None = None) -> DeclaredClosures:
+    """The declared model fitted to all rows of `data` (one device a row); `sessions` share the tool too."""
     require_geometry(robot)
     carried = carried_effects(robot, data) if carried is None else carried
     nominal = nominal_closures(robot, data, carried, seed, threads, sessions or sessions_of(data))
@@ -175,10 +147,8 @@ def declare_closures(
     return DeclaredClosures(layout, pulls, found, nominal, fit)
 
 
-def nominal_closures(
-    robot: Robot, data: Dataset, carried: Layout, seed: int = 0, threads: int = 1,
-    sessions: tuple[int, ...] = ()
-) -> ClosureFit:
+def nominal_closures(robot: Robot, data: Dataset, carried: Layout, seed: int = 0, threads: int = 1,
+                     sessions: tuple[int, ...] = ()) -> ClosureFit:
     """Contacts, tool and frames alone, by the robot as declared; of known lengths the radii alone are used.
     Raises InputError where they do not fit."""
     if not judged_rows(data).any():
@@ -203,10 +173,8 @@ def nominal_closures(
     known = Pulls(Fixture(radii=data.fixture.radii))
     best = None
     for tool in starts:
-        target = (
-            Layout.of((Target(None, tuple(float(v) for v in tool), shared, shared=len(shared) > 1),),
-                      estimate=bool(touched.any())) if shared else Layout.of(())
-        )
+        target = (Layout.of((Target(None, tuple(float(v) for v in tool), shared, shared=len(shared) > 1),),
+                            estimate=bool(touched.any())) if shared else Layout.of(()))
         layout = with_contacts(robot, frames.joined(target).joined(carried), data, threads)
         fit = fit_closures(robot, layout, data, known, threads=threads)
         if _ran_away(fit.layout, robot):
@@ -237,13 +205,11 @@ def _another_robot(robot: Robot, data: Dataset, missed: float) -> InputError:
         f"robot and data do not match: with the best tool and contacts {robot.name} misses the contacts "
         f"by {missed:.3g} m (median), expected less than {WORST_SHARE * reach(robot):.2g} m: is it "
         f"another robot, are axes exchanged or are angles in another unit{of_partner}?",
-        file=data.first_file,
-    )
+        file=data.first_file)
 
 
 def closure_errors(robot: Robot, layout: Layout, data: Dataset, threads: int = 1) -> ClosurePrediction:
-    """Prediction of any rows; contacts that the layout does not have are fitted to the rows themselves,
-    nothing else is."""
+    """Prediction of any rows; contacts that the layout lacks are fitted to them, nothing else is."""
     complete = with_contacts(robot, layout.held, data, threads)
     if complete.size:
         complete = fit_closures(robot, complete, data, Pulls(), threads=threads).layout
@@ -280,9 +246,8 @@ def set_distance_errors(robot: Robot, layout: Layout, data: Dataset, threads: in
     return distance_errors(fit_closures(robot, complete, data, Pulls(), threads=threads).layout, data.fixture)
 
 
-def identifiable_closures(
-    robot: Robot, setup: Layout, beside: Layout, data: Dataset, threads: int = 1
-) -> tuple[Layout, Identifiability]:
+def identifiable_closures(robot: Robot, setup: Layout, beside: Layout, data: Dataset,
+                          threads: int = 1) -> tuple[Layout, Identifiability]:
     """`setup` (frames, contacts, tool) and what of `beside` these closures can tell; the scale is held where
     nothing gives it."""
     whole = tuple(name for name in beside.names if name.axis == 1 and name.symbol in _AS_ONE)
@@ -293,11 +258,9 @@ def identifiable_closures(
     known = known_lengths(trusted, data.fixture)
     rows = np.concatenate([rows, np.array([k.row for k in known]).reshape(len(known), trusted.size)])
     frames = setup.size + trusted.size - layout.size
-    found = select_identifiable(
-        rows, trusted.names, keep_first=frames, poses=len(data),
-        plausible=[p.plausible for p in trusted.parameters],
-        robot=robot, still=still_axes(prediction.view.q),
-    )
+    found = select_identifiable(rows, trusted.names, keep_first=frames, poses=len(data),
+                                plausible=[p.plausible for p in trusted.parameters],
+                                robot=robot, still=still_axes(prediction.view.q))
     why = GRAVITY_ALONE if gravity_alone(data) else AS_ONE
     found = replace(found, dropped=(*(Dropped(name, f"{name}: {why}", (), True) for name in whole),
                                     *found.dropped))
@@ -307,8 +270,7 @@ def identifiable_closures(
         others = tuple(n for n in trusted.names if n.unit == "m" and n not in held and n != longest)
         found = replace(
             found, kept=found.kept & np.array([name != longest for name in found.names]),
-            dropped=(*found.dropped, Dropped(longest, f"{longest} holds the scale: {SCALE}", others, True)),
-        )
+            dropped=(*found.dropped, Dropped(longest, f"{longest} holds the scale: {SCALE}", others, True)))
         held.add(longest)
     return layout.without(held), found
 
@@ -320,8 +282,7 @@ def carried_effects(robot: Robot, data: Dataset) -> Layout:
 
 
 def updated_robot(robot: Robot, data: Dataset, fit: ClosureFit) -> Robot:
-    """The robot with the estimates in its tables and the tool of the first session; the base stays as
-    declared."""
+    """The robot with the estimates in its tables and the first session's tool; the base stays as declared."""
     result = calibrated_robot(robot, data, fit.layout, fit.fit)
     tool = robot.tool
     for effect in fit.layout.effects:
@@ -336,8 +297,7 @@ def sessions_of(data: Dataset) -> tuple[int, ...]:
 
 
 def _with_tools_apart(setup: Layout, data: Dataset) -> Layout | None:
-    """The same with a tool for each session of `data`, others with the first; None where there is only
-    one."""
+    """The same with a tool for each session of `data`, others with the first; None if there is one only."""
     at = next((i for i, e in enumerate(setup.effects) if isinstance(e, Target) and setup.free[i].any()), None)
     if at is None:
         return None
@@ -366,8 +326,7 @@ def _warnings(declared: DeclaredClosures, data: Dataset):
     if not fit.fit.converged:
         yield (
             f"the fit did not converge ({fit.fit.reason}): check the data for gross errors, or for contacts "
-            "with the wrong number"
-        )
+            "with the wrong number")
     if scale_is_known(fit.layout, data):
         yield from size_doubts(fit.layout, fit.fit, declared.pulls.drawing)
     else:
@@ -378,8 +337,7 @@ def _warnings(declared: DeclaredClosures, data: Dataset):
     if slipped:
         yield (
             f"{slipped} of {len(data)} rows lie far beside their contact and count for little: slipped, or "
-            "wrongly numbered"
-        )
+            "wrongly numbered")
     tools = sum(isinstance(effect, Target) for effect in fit.layout.effects)
     if tools > 1:
         yield f"the {tools} sessions have a tool each: one for all of them fits far worse"

@@ -6,8 +6,6 @@ target); the reason is looked up in the geometry: frame i lies between axes i an
 where its alpha and beta vanish (modulo half a turn), and collinear where its a vanishes too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -37,10 +35,8 @@ def no_effect(p: ParameterId) -> str:
     if p.group is Group.OFFSET:
         return f"{p} moves nothing that is measured: the target lies on axis {p.axis}"
     if p.group is Group.RATIO:
-        return (
-            f"{p} moves nothing that is measured: the target lies on axis {p.axis}, or the axis rests at "
-            "zero"
-        )
+        return (f"{p} moves nothing that is measured: the target lies on axis {p.axis}, or the axis rests at "
+                "zero")
     return f"{p} changes nothing that is measured in these poses"
 
 
@@ -48,19 +44,15 @@ def move_alike(name: ParameterId, partners: Sequence[ParameterId], arm: Arm | No
     """The sentence for a parameter that a combination of `partners` imitates exactly."""
     reason = _reason(name, partners, arm)
     return f"{name} and {listed(partners)} move the tool alike" + (
-        f": {reason}" if reason else " in these poses"
-    )
+        f": {reason}" if reason else " in these poses")
 
 
 def hardly_differ(name: ParameterId, partners: Sequence[ParameterId], arm: Arm | None, uncertainty: float,
                   plausible: float) -> str:
-    """The sentence for a parameter that the noise hides: its standard deviation beside its plausible
-    magnitude."""
+    """The sentence for a parameter that the noise hides: its standard deviation and plausible magnitude."""
     unit = f" {name.unit}" if name.unit else ""
-    text = (
-        f"{name} is lost in the noise: known to {uncertainty:.2g}{unit} only, plausible is "
-        f"{plausible:.2g}{unit}"
-    )
+    text = (f"{name} is lost in the noise: known to {uncertainty:.2g}{unit} only, plausible is "
+            f"{plausible:.2g}{unit}")
     if not partners:
         return text
     reason = _reason(name, partners, arm)
@@ -173,8 +165,7 @@ def _turn_about_parallel_y(p: ParameterId, others: list[ParameterId], robot: Rob
             continue
         if abs(np.cos(robot.joints[q.axis - 1].alpha)) < NEARLY_PARALLEL_RAD:
             return (
-                f"alpha_{q.axis} is a right angle, so beta_{q.axis} turns about a parallel of axis {q.axis}"
-            )
+                f"alpha_{q.axis} is a right angle, so beta_{q.axis} turns about a parallel of axis {q.axis}")
     return ""
 
 

@@ -1,8 +1,6 @@
 """Which axes' springs a calibration estimates: those that carry a load that is known, and have no spring
 declared."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -31,8 +29,7 @@ def compliance_layout(robot: Robot, data: Dataset, axes: Sequence[int] | None = 
 
 
 def _spring(robot: Robot, data: Dataset, index: int) -> JointCompliance:
-    """That of axis `index` (from 0): under a guessed load, with what makes up for a wrong distribution of
-    masses."""
+    """That of axis `index` (from 0): of a guessed load with what makes up for wrongly distributed masses."""
     load = RestLoad.of(robot, data)
     if not robot.generic_masses or load.fixed[:, index].all():
         return JointCompliance.none_of(robot, index)

@@ -14,8 +14,6 @@ linearised again at the result until it says what was predicted. Limits: the bod
 not the true ones.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -62,9 +60,8 @@ class _Block:
         return np.tensordot(z[self.where], self.basis, axes=1)
 
 
-def consistent_fit(
-    robot: Robot, declared: Robot, fit: MotionFit, record: MotionRecord, threads: int = 1
-) -> Consistent:
+def consistent_fit(robot: Robot, declared: Robot, fit: MotionFit, record: MotionRecord,
+                   threads: int = 1) -> Consistent:
     """`fit` of `robot` (with links in its tables) brought to bodies; `declared`: the robot of the file."""
     n = robot.axes
     baked = fit.layout.baked(robot, declared=True)
@@ -140,9 +137,8 @@ def _start(blocks: list[_Block], z: np.ndarray) -> np.ndarray:
     return z
 
 
-def _minimised(
-    triangle: np.ndarray, blocks: list[_Block], layout: Layout, z: np.ndarray
-) -> tuple[np.ndarray, bool]:
+def _minimised(triangle: np.ndarray, blocks: list[_Block], layout: Layout,
+               z: np.ndarray) -> tuple[np.ndarray, bool]:
     """(z, whether Newton's decrement has vanished), from a z inside the cones."""
     low = np.array([p.lower for p in layout.parameters])
     high = np.array([p.upper for p in layout.parameters])
@@ -211,8 +207,7 @@ def _objective(A, right, blocks, z, weight) -> float:
 
 def _at(fit: MotionFit, effects: tuple[Effect, ...], robot: Robot, record: MotionRecord,
         threads: int) -> MotionFit:
-    """The fit in the robot with bodies: the same free parameters, at the values of its tables and of
-    `effects`."""
+    """The fit in the robot with bodies: the same free parameters, at the values of tables and `effects`."""
     layout = Layout(tuple(e.from_tables(robot) for e in effects), fit.layout.free)
     x = layout.values
     lower, upper = (np.array([getattr(p, side) for p in layout.parameters]) for side in ("lower", "upper"))

@@ -1,7 +1,5 @@
 """Where contacts start from: at what the target touched, by the robot and the tool as they are known."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm.chain import Layout

@@ -5,8 +5,6 @@ base and tool frames of every session. Effects that the robot file carries are i
 values, or free where an earlier fit has estimated them.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -60,8 +58,7 @@ def _require_values(robot: Robot, layout: Layout, data: Dataset) -> None:
 
 
 def all_effects(robot: Robot, data: Dataset, layout: Layout, kind: str = POSES.name) -> tuple[Effect, ...]:
-    """The effects of the robot file that had no part in this data, and those of `layout` beyond the declared
-    model."""
+    """The robot file's effects that had no part in this data, and those of `layout` that are not declared."""
     carried = carried_layout(robot, data, kind).effects
     apart = tuple(effect for effect in robot.effects if effect not in carried)
     return apart + tuple(effect for effect in layout.effects if not effect.declared)
@@ -86,8 +83,7 @@ def reestimated_layout(robot: Robot, data: Dataset) -> Layout:
     layout = carried_layout(robot, data)
     free = tuple(
         np.array([not (p.fixed or p.search) and _was_estimated(robot, e, p) for p in e.parameters()], bool)
-        for e in layout.effects
-    )
+        for e in layout.effects)
     return Layout(layout.effects, free)
 
 
@@ -108,13 +104,10 @@ def frames_layout(robot: Robot, data: Dataset, *, orientation: bool,
 
 
 def geometry_layout(robot: Robot) -> Layout:
-    """mDH parameters, joint offsets and the gear ratios that are re-identified, as they stand in the
-    tables."""
+    """mDH parameters, joint offsets and the gear ratios to re-identify, as they stand in the tables."""
     axes = range(robot.axes)
     geometry = tuple(Geometry.of(robot, i) for i in axes)
     offsets = tuple(JointOffset.of(robot, i) for i in axes)
-    ratios = tuple(
-        DeclaredRatio.of(robot, i) for i in axes
-        if robot.joints[i].has_gear and not robot.joints[i].has_harmonics
-    )
+    ratios = tuple(DeclaredRatio.of(robot, i) for i in axes
+                   if robot.joints[i].has_gear and not robot.joints[i].has_harmonics)
     return Layout.of(geometry + offsets + ratios)

@@ -9,8 +9,6 @@ reversal,
 step 7. Swevers et al. 1997; Gautier 1991; Atkeson, An and Hollerbach 1986.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -41,11 +39,7 @@ from exactarm.identify.friction_width import dry_friction
 from exactarm.identify.identifiability import Dropped
 from exactarm.identify.motion_fit import MotionFit, fit_motion
 from exactarm.identify.prior_bodies import declares_bodies
-from exactarm.identify.session_payloads import (
-    EstimatedPayload,
-    payload_layout_of_motion,
-    session_payloads,
-)
+from exactarm.identify.session_payloads import EstimatedPayload, payload_layout_of_motion, session_payloads
 from exactarm.rest_load import declared_constants
 from exactarm.robot.axes_in_words import axes_in_words
 from exactarm.robot.generic_masses import with_declared_masses
@@ -63,8 +57,7 @@ CONSISTENT = "masses that a body can have"
 
 @dataclass(frozen=True)
 class DynamicsOptions:
-    """share: of the rows, for fitting, where the data do not say; inertial: identify masses, not friction
-    alone."""
+    """share: of the rows, for fitting, where the data do not say; inertial: masses, not friction alone."""
 
     bandwidth_hz: float | None = None
     share: float = 0.7
@@ -96,8 +89,7 @@ class DynamicsIdentification:
 
 def identify_dynamics(robot: Robot, data: Dataset, options: DynamicsOptions = DynamicsOptions(),
                       progress: Callable[[str], None] = lambda text: None) -> DynamicsIdentification:
-    """Identifies on one part of `data`, judges on the other. Raises InputError where the data cannot support
-    it."""
+    """Identifies on one part of `data`, judges on the rest; raises InputError where these do not suffice."""
     require_geometry(robot)
     identification = data.split(options.seed, options.share)
     start = with_links(robot) if options.inertial else with_declared_masses(robot)
@@ -121,10 +113,8 @@ def identify_dynamics(robot: Robot, data: Dataset, options: DynamicsOptions = Dy
     dry = dry_friction(start, layout, train, options.threads)
     records = {name: replace(record, dry=dry if record is train else dry.elsewhere())
                for name, record in records.items()}
-    before = {
-        name: predict_motion(robot, carried, record, tangents=False).residual()[record.keep][:, axes]
-        for name, record in records.items()
-    }
+    before = {name: predict_motion(robot, carried, record, tangents=False).residual()[record.keep][:, axes]
+              for name, record in records.items()}
     progress(FITTING)
     fit = fit_motion(start, layout, records["identification"], threads=options.threads)
     unconstrained = {name: fit.residual(record, options.threads) for name, record in records.items()}
@@ -135,25 +125,15 @@ def identify_dynamics(robot: Robot, data: Dataset, options: DynamicsOptions = Dy
         after = {name: fit.residual(record, options.threads) for name, record in records.items()}
     dropped = tuple(_structurally(base)) * options.inertial + unexcited
     return DynamicsIdentification(
-        robot=with_estimates(fit.robot, fit.layout, fit.intervals),
-        fit=fit,
-        base=base,
-        dropped=dropped,
-        records=records,
-        before=before,
-        after=after,
-        unconstrained=unconstrained,
-        identification=identification,
-        inertial=options.inertial,
-        declared_bodies=declares_bodies(robot),
+        robot=with_estimates(fit.robot, fit.layout, fit.intervals), fit=fit, base=base, dropped=dropped,
+        records=records, before=before, after=after, unconstrained=unconstrained,
+        identification=identification, inertial=options.inertial, declared_bodies=declares_bodies(robot),
         warnings=(*_warnings(fit, data, unsettled), *reversals_left_out(records.values())),
-        payloads=session_payloads(data, fit.layout, fit.intervals),
-    )
+        payloads=session_payloads(data, fit.layout, fit.intervals))
 
 
 def with_links(robot: Robot) -> Robot:
-    """The robot with masses in its tables: its own, or equal ones at the frames' origins where none are
-    declared."""
+    """The robot with masses in its tables: its own, else equal ones at the frames' origins."""
     if robot.links is not None and not robot.generic_masses:
         return robot
     link = Link(_BOOKKEEPING_MASS_KG, np.zeros(3), np.zeros((3, 3)))
@@ -190,9 +170,8 @@ def inertia_was_estimated(robot: Robot) -> bool:
     return any(low < high for low, high in bounds)
 
 
-def excited_layout(
-    robot: Robot, layout: Layout, record: MotionRecord, threads: int = 1
-) -> tuple[Layout, tuple[Dropped, ...]]:
+def excited_layout(robot: Robot, layout: Layout, record: MotionRecord,
+                   threads: int = 1) -> tuple[Layout, tuple[Dropped, ...]]:
     """The layout without the parameters that this motion cannot tell from others."""
     axes = record.measured_axes
     prediction = predict_motion(robot, layout, record, threads=threads)
@@ -217,8 +196,7 @@ def require_enough(layout: Layout, record: MotionRecord) -> None:
     if numbers <= 2 * layout.size:
         raise InputError(
             f"{numbers} numbers at {record.bandwidth_hz or 0:.3g} Hz bandwidth for {layout.size} parameters: "
-            "expected a longer motion"
-        )
+            "expected a longer motion")
 
 
 def _structurally(base: BaseParameters):
@@ -235,21 +213,16 @@ def _warnings(fit: MotionFit, data: Dataset, unsettled: str):
     if not fit.fit.converged:
         yield f"the fit did not converge ({fit.fit.reason}): check the data for gross errors"
     if fit.uncertainty.freedom < 2 * fit.layout.size:
-        yield (
-            f"the samples are worth {fit.uncertainty.effective.sum():.0f} independent numbers for "
-            f"{fit.layout.size} parameters: measure longer"
-        )
+        yield (f"the samples are worth {fit.uncertainty.effective.sum():.0f} independent numbers for "
+               f"{fit.layout.size} parameters: measure longer")
     for name, bound in zip(fit.layout.names, fit.fit.at_bound):
         if bound:
-            yield (
-                f"{name} lies at its bound, 0: the data ask for a negative one, so something else in them "
-                "acts as it does"
-            )
+            yield (f"{name} lies at its bound, 0: the data ask for a negative one, so something else in them "
+                   "acts as it does")
     if without := _currents_of_no_constant(fit.robot, data):
         yield (
             f"no torque constant of {axes_in_words(without)} is declared: the currents were taken at 1 Nm/A, "
-            "and what they tell scales with it"
-        )
+            "and what they tell scales with it")
 
 
 def _currents_of_no_constant(robot: Robot, data: Dataset) -> list[int]:

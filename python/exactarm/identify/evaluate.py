@@ -1,22 +1,35 @@
 """The error of a robot file, as it is, on data it has not seen: only what belongs to the set-up is fitted.
 
 Poses and tracked motions: base and tool frames of every session. Closures: contacts and tool. Gear runs:
-alignment and bias of the gyroscope. Torques: nothing. One
-function a kind of data, found by its name in `EVALUATORS`.
+alignment and bias of the gyroscope, or one offset for each run and axis between two encoders; the error is
+the unfiltered rate along the moving axis, or the angle. Torques: nothing; measured and predicted ones pass
+the low-pass of an identification (chain/motion_record.py). How dry friction turns over at a reversal, and
+what it held at the start of a run, is no property that a robot file declares: it is taken from the motion, as
+`identify` does. One function a kind of data, found by its name in `EVALUATORS`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from exactarm.chain import MotionRecord, reversals_left_out
+from exactarm.chain import (
+    Layout,
+    MotionRecord,
+    gear_record,
+    motion_clear_of_reversals,
+    motion_record,
+    predict_motion,
+    reversals_left_out,
+)
 from exactarm.chain.extrapolation import extrapolations
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
 from exactarm.data.split import DEFAULT_SEED
+from exactarm.errors import InputError
 from exactarm.identify.closures import (
     carried_effects,
     gravity_alone,
@@ -25,13 +38,16 @@ from exactarm.identify.closures import (
     tilt_error,
 )
 from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
-from exactarm.identify.evaluation import Evaluation
-from exactarm.identify.gear_evaluate import evaluate_gear_runs
+from exactarm.identify.dynamics import friction_layout
+from exactarm.identify.friction_width import dry_friction
+from exactarm.identify.gear_declared import sensor_layout
+from exactarm.identify.gear_fit import fit_gear_runs
 from exactarm.identify.judged_rows import judged_rows, unjudged_lines
 from exactarm.identify.match import require_match
-from exactarm.identify.motion_evaluate import evaluate_motion
 from exactarm.identify.planned import controller_angles
 from exactarm.identify.pose_fit import fit_poses
+from exactarm.identify.sensor_tone import find_tones, without_tones
+from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.identify.tracked_fit import (
     fit_tracked,
     predict_record,
@@ -44,12 +60,41 @@ from exactarm.robot.robot import Robot
 
 GRAVITY_COLUMNS = ("d1_rad", "d2_rad", "d3_rad")  # of the sensor's axes
 RESIDUAL_COLUMNS = ("dx_m", "dy_m", "dz_m", "drx_rad", "dry_rad", "drz_rad")
-
-
 # rows by which the nine numbers of a set-up are fitted: noise leaves a hundredth of itself in them
 MOST_FITTED = 20000
 LEAST_FITTED = 200  # of a session
 BLOCK_ROWS = 20000  # 9 kB a row at work
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """error (N,) of every row in `unit`; residual (N, m) with its column names; summaries overall and by
+    session.
+
+    warnings: effects that are used where they were never measured. data: the rows, where they are not those
+    of the file (closures); distances: of closures, known distance -> |error| in m; tilt: mean angle in rad by
+    which gravity's direction is missed; pixels: RMS that corners in pictures are missed by.
+    """
+
+    unit: str
+    error: np.ndarray
+    residual: np.ndarray
+    columns: tuple[str, ...]
+    overall: ErrorSummary
+    sessions: tuple[tuple[int, ErrorSummary], ...]
+    warnings: tuple[str, ...] = ()
+    data: Dataset | None = None
+    distances: dict[str, float] | None = None
+    frames: Layout | None = None  # as fitted, of poses
+    tilt: float | None = None
+    pixels: float | None = None
+
+    @staticmethod
+    def of(unit: str, error: np.ndarray, residual: np.ndarray, columns: tuple[str, ...], session: np.ndarray,
+           judged: np.ndarray, **more: Any) -> Evaluation:
+        """session (N,) of the rows; judged (N,) bool: those that are summarised."""
+        sessions = tuple((int(s), summarise(error[judged & (session == s)])) for s in np.unique(session))
+        return Evaluation(unit, error, residual, columns, summarise(error[judged]), sessions, **more)
 
 
 def evaluate_poses(robot: Robot, data: Dataset, seed: int = DEFAULT_SEED, threads: int = 1) -> Evaluation:
@@ -101,8 +146,7 @@ def _of_positions(robot: Robot, data: Dataset, residual: np.ndarray,
 
 
 def evaluate_closures(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1) -> Evaluation:
-    """The distance of every touch from its contact; contacts and tool are fitted, without the known
-    lengths."""
+    """The distance of each touch from its contact; contacts and tool are fitted, without known lengths."""
     rows = touches(data)
     fit = nominal_closures(robot, rows, carried_effects(robot, rows), seed, threads)
     residual = fit.prediction.seen
@@ -113,8 +157,44 @@ def evaluate_closures(robot: Robot, data: Dataset, seed: int = 0, threads: int =
     return Evaluation.of(
         unit, fit.prediction.error(), residual, columns[: residual.shape[1]], rows.session, judged_rows(rows),
         warnings=warnings, data=rows, distances=set_distance_errors(robot, fit.layout, rows, threads),
-        tilt=tilt_error(fit.prediction), pixels=fit.prediction.reprojection(),
-    )
+        tilt=tilt_error(fit.prediction), pixels=fit.prediction.reprojection())
+
+
+def evaluate_gear_runs(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1) -> Evaluation:
+    """Fits the set-up on all rows that count; what is left on every row, tones of the sensor aside: the
+    magnitude along the moving axis (RMS over the axes between encoders)."""
+    data = without_tones(data, find_tones(data))
+    record = gear_record(robot, data)
+    layout = sensor_layout(robot, data, record, bias=True).joined(carried_layout(robot, data, GEAR_RUN.name))
+    prediction = fit_gear_runs(robot, layout, data, record=record, threads=threads).prediction
+    residual = prediction.residual()
+    if prediction.along is None:
+        unit, columns = "rad", tuple(f"dq_{axis + 1}_rad" for axis in record.encoder_axes)
+        error = np.sqrt(np.mean(residual**2, axis=1))
+    else:
+        unit, columns = "rad/s", tuple(f"dgyro_{axis}_rad_s" for axis in "xyz")
+        error = np.abs(np.einsum("ij,ij->i", residual, prediction.along))
+    return Evaluation.of(unit, error, residual, columns, data.session, prediction.keep)
+
+
+def evaluate_motion(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1) -> Evaluation:
+    """Measured less predicted drive torque, RMS over the axes that measure. Raises InputError where the robot
+    file has no masses."""
+    require_geometry(robot)
+    if robot.links is None:
+        raise InputError(f"{robot.name} has no masses, so it predicts no torques; expected a robot file as "
+                         "`exactarm identify` writes it",
+                         file=data.first_file)
+    record: MotionRecord = motion_clear_of_reversals(robot, motion_record(robot, data, None), data, threads)
+    carried = carried_layout(robot, data, MOTION.name)
+    layout = friction_layout(robot, record).joined(carried)
+    record = replace(record, dry=dry_friction(robot, layout, record, threads))
+    axes, keep = record.measured_axes, record.keep
+    residual = predict_motion(robot, carried, record, tangents=False,
+                              threads=threads).residual()[keep][:, axes]
+    judged, error = record.data.select(keep), np.sqrt(np.mean(residual**2, axis=1))
+    return Evaluation.of("Nm", error, residual, tuple(f"dtau_{axis + 1}_Nm" for axis in axes), judged.session,
+                         np.ones(len(judged), bool), warnings=reversals_left_out([record]), data=judged)
 
 
 EVALUATORS: dict[str, Callable[..., Evaluation]] = {

@@ -8,8 +8,6 @@ Pereyra 1973) from several seeded starts, and the best end is kept. Orientation,
 rotation of the tool afterwards.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -60,9 +58,7 @@ def find_frames(robot: Robot, data: Dataset, layout: Layout | None = None,
     if np.linalg.svd(measured - measured.mean(0), compute_uv=False)[1] < 1e-6:
         raise InputError(
             f"measured points of session {data.session[0]} lie on one line; expected points in space, to "
-            "find its frames by",
-            file=data.first_file,
-        )
+            "find its frames by", file=data.first_file)
     starts = np.random.default_rng(seed).normal(0.0, _TOOL_REACH_M, (_STARTS, 3))
     starts[0] = 0.0
     ends, costs = _refine(points, rotations, measured, starts)

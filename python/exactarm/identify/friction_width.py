@@ -9,8 +9,6 @@ has moved in it; the law of the record unless another is clearly better. Other l
 (breakaway torque) turn over with it. What the law leaves open is in the intervals (`by_turnover`).
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -9,8 +9,6 @@ moving axis.
 Both methods of finding orders are run and compared; the chosen one goes into the robot.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -24,10 +22,7 @@ from exactarm.effects.gyro_alignment import tilt
 from exactarm.errors import ComputationError, InputError
 from exactarm.identify.gear_axis import GearEstimate
 from exactarm.identify.gear_declared import SIDES, measured_axes
-from exactarm.identify.gear_error import (
-    cutoff_hz,
-    sensor_part,
-)
+from exactarm.identify.gear_error import cutoff_hz, sensor_part
 from exactarm.identify.gear_found import Errors, find_gear
 from exactarm.identify.gear_orders import METHODS
 from exactarm.identify.gear_profile import fast_rows
@@ -45,8 +40,7 @@ _SAME_SPEED = 0.1  # runs whose speeds differ by less than this share count as o
 
 @dataclass(frozen=True)
 class HeldOut:
-    """RMS of the kinematic error on the rows of one set, direction and speed (rad/s at the output), by
-    method."""
+    """RMS of the kinematic error on rows of one set, direction and speed (rad/s at the output), by method."""
 
     joint: int
     side: str
@@ -113,10 +107,8 @@ class GearIdentification:
         return all(gear.estimate.converged for gear in self.gears)
 
 
-def identify_gears(
-    robot: Robot, data: Dataset, *, method: str = "refined", seed: int = DEFAULT_SEED, threads: int = 1,
-    progress: Progress = SILENT
-) -> GearIdentification:
+def identify_gears(robot: Robot, data: Dataset, *, method: str = "refined", seed: int = DEFAULT_SEED,
+                   threads: int = 1, progress: Progress = SILENT) -> GearIdentification:
     """Identifies every gear that moves in the data. Raises InputError where nothing can be identified."""
     if method not in METHODS:
         raise InputError(f"unknown method {method!r}, expected one of {', '.join(METHODS)}")
@@ -136,8 +128,7 @@ def identify_gears(
             used = int(np.sum(rows & identification & record.keep))
             warnings.append(
                 f"axis {axis + 1}: only {used} of its {rows.sum()} rows identify in a steady motion "
-                "along a range of the axis, expected some hundreds: its gear is left as declared"
-            )
+                "along a range of the axis, expected some hundreds: its gear is left as declared")
             continue
         chosen, errors, samples = found.chosen, found.errors, found.samples
         result = _with_tables(replace(result, effects=robot.effects), axis, chosen)
@@ -154,19 +145,14 @@ def identify_gears(
         way = "behind" if delay > 0.0 else "ahead of"
         warnings.append(
             f"the gyroscope's clock is about {1e3 * abs(delay):.3g} ms {way} the motor's: it was taken "
-            "out, and stands in the robot file (time_delay) for logs by the same devices"
-        )
+            "out, and stands in the robot file (time_delay) for logs by the same devices")
     intervals = dict(result.intervals)
     for gear in gears:
-        intervals[f"ratio_{gear.joint}"] = _interval(gear.estimate.ratio, gear.estimate.ratio_sigma)
+        ratio, half = gear.estimate.ratio, 1.96 * gear.estimate.ratio_sigma
+        intervals[f"ratio_{gear.joint}"] = float(ratio - half), float(ratio + half)
     return GearIdentification(
         replace(result, intervals=intervals), tuple(gears), tuple(held_out), tuple(alignments), method,
-        tuple(warnings)
-    )
-
-
-def _interval(value: float, sigma: float) -> tuple[float, float]:
-    return float(value - 1.96 * sigma), float(value + 1.96 * sigma)
+        tuple(warnings))
 
 
 def _with_tables(robot: Robot, axis: int, estimate: GearEstimate) -> Robot:
@@ -187,12 +173,9 @@ def _gear(estimate: GearEstimate, side: str, errors: Errors) -> Gear:
     rows = samples.side(SIDES[side])
     sets = {"identification": rows & samples.identification, "validation": rows & ~samples.identification}
     summary = lambda error: {name: summarise(np.abs(error[mask])) for name, mask in sets.items()}
-    return Gear(
-        samples.axis + 1, side, estimate, estimate.gear_table(side), errors.before, after,
-        summary(errors.before),
-        summary(after), summary(errors.declared), summary(errors.rest), errors.noise,
-        _cutoff(samples) if samples.rated else None,
-    )
+    return Gear(samples.axis + 1, side, estimate, estimate.gear_table(side), errors.before, after,
+                summary(errors.before), summary(after), summary(errors.declared), summary(errors.rest),
+                errors.noise, _cutoff(samples) if samples.rated else None)
 
 
 def _cutoff(samples: GearSamples) -> float:
@@ -248,33 +231,27 @@ def _alignments(data: Dataset, samples: GearSamples, setup) -> list[Alignment]:
 def _warnings(estimate: GearEstimate):
     joint, samples = estimate.samples.axis + 1, estimate.samples
     if not estimate.converged:
-        yield (
-            f"axis {joint}: ratio and harmonics did not settle on each other: check the data for gross errors"
-        )
+        yield (f"axis {joint}: ratio and harmonics did not settle on each other: check the data for gross "
+               "errors")
     if len(estimate.tables) == 1:
         side = next(iter(estimate.tables))
-        yield (
-            f"axis {joint} was measured in one direction ({side}) only: the other direction keeps its "
-            "declared table"
-        )
+        yield (f"axis {joint} was measured in one direction ({side}) only: the other direction keeps its "
+               "declared table")
     if samples.rated and not np.any(sensor_part(samples, estimate.disturbance)) and len(estimate.tables) == 1:
         yield (
             f"axis {joint}: one direction at one speed cannot tell the gyroscope's bias from the ratio; it "
-            "is taken as 0"
-        )
+            "is taken as 0")
     off = estimate.scale - 1.0
     if samples.rated and abs(off) > _CERTAIN * estimate.ratio_sigma / abs(samples.ratio):
         yield (
             f"axis {joint}: the ratio comes out as {estimate.ratio:.6g}, {100.0 * off:+.2g} % beside the "
             f"declared {samples.ratio:.6g}. A ratio is a count of teeth; a gyroscope whose scale is wrong by "
-            "as much reads the same: only angles (two encoders, a tracker) tell them apart"
-        )
+            "as much reads the same: only angles (two encoders, a tracker) tell them apart")
     longest = max(profile.range_rev for profile in estimate.profiles.values())
     if longest < 0.2:
         yield (
             f"axis {joint} moves over {360.0 * longest:.0f} deg: orders closer than {1.0 / longest:.0f} per "
-            "revolution cannot be told apart; the table holds on this range only"
-        )
+            "revolution cannot be told apart; the table holds on this range only")
     if not estimate.orders.size:
         yield f"axis {joint}: no order stands out of the noise"
 
@@ -293,8 +270,7 @@ def _left_out(data: Dataset, record) -> Iterator[str]:
 
 
 def _remaining(gears: list[Gear]):
-    """What the validation rows say beside their RMS: rows outside the fitted range, and errors far above the
-    noise."""
+    """What validation rows say beside their RMS: rows outside the fitted range, errors above the noise."""
     outside, loud = [], []
     for gear in gears:
         samples, profile = gear.samples, gear.estimate.profiles[gear.side]
@@ -310,12 +286,8 @@ def _remaining(gears: list[Gear]):
         if gear.noise > 0.0 and left > _FAR_ABOVE * gear.noise:
             loud.append(f"{gear.joint} {gear.side} {left / gear.noise:.1f} times")
     if outside:
-        yield (
-            "validation rows outside the angles that were fitted, where the table is extrapolated: "
-            f"{', '.join(outside)}"
-        )
+        yield ("validation rows outside the angles that were fitted, where the table is extrapolated: "
+               f"{', '.join(outside)}")
     if loud:
-        yield (
-            "the error on held-out rows is far above the sensor's noise, even with all but the gear's own "
-            f"taken out: {', '.join(loud)}; `exactarm diagnose` looks for its cause"
-        )
+        yield ("the error on held-out rows is far above the sensor's noise, even with all but the gear's own "
+               f"taken out: {', '.join(loud)}; `exactarm diagnose` looks for its cause")

@@ -134,8 +134,7 @@ def identify_axis(samples: GearSamples, method: str, first: FirstLook) -> GearEs
     return GearEstimate(
         samples, method, samples.ratio * ratio.scale, abs(samples.ratio) * ratio.open_sigma,
         ratio.disturbance, found.orders, order_uncertainty(sides, found), dict(zip(profiles, found.tables)),
-        profiles, bool(settled),
-    )
+        profiles, bool(settled))
 
 
 def _require_like(samples: GearSamples, scale: float) -> None:
@@ -145,8 +144,7 @@ def _require_like(samples: GearSamples, scale: float) -> None:
         raise InputError(
             f"axis {samples.axis + 1}: motor angle and {sensor} give a gear ratio of "
             f"{samples.ratio * scale:.4g} where the robot file has {samples.ratio:.4g}; expected less than a "
-            f"factor {_LARGEST_FACTOR:.0f} between them: check units and ratio"
-        )
+            f"factor {_LARGEST_FACTOR:.0f} between them: check units and ratio")
 
 
 def _profiles(samples, fitted, ratio: Ratio) -> dict[str, AngleProfile]:
@@ -154,16 +152,13 @@ def _profiles(samples, fitted, ratio: Ratio) -> dict[str, AngleProfile]:
     sides = {side: fast_rows(samples, fitted & samples.side(way)) for side, way in SIDES.items()}
     sides = {side: rows for side, rows in sides.items()
              if rows.sum() >= _LEAST_CELLS and np.ptp(samples.angle[rows]) > 0}
-    return {
-        side: angle_profile(samples, rows, SIDES[side], highest_order(samples), ratio.scale, beside)
-        for side, rows in sides.items()
-    }
+    return {side: angle_profile(samples, rows, SIDES[side], highest_order(samples), ratio.scale, beside)
+            for side, rows in sides.items()}
 
 
 def _ratio(samples: GearSamples, fitted: np.ndarray, tables: dict[str, Table], scale: float,
            lowest: float) -> tuple[Ratio, dict[str, Table]]:
-    """The ratio at fixed harmonics, and the tables with their run-outs below the order `lowest` as they are
-    beside it."""
+    """The ratio at fixed harmonics, and the tables with the run-outs below the order `lowest` beside it."""
     shape = np.ones(samples.rate.size)
     error = np.zeros(samples.rate.size)
     below = RUN_OUT[RUN_OUT < lowest]

@@ -6,8 +6,6 @@ sides one offset for each run and axis. Not the ratio. Effects that the robot fi
 values.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm.chain import GearRecord, Layout
@@ -26,10 +24,8 @@ SIDES = {"cw": -1.0, "ccw": 1.0}
 
 def declared_gear_layout(robot: Robot, data: Dataset, record: GearRecord) -> Layout:
     """Harmonics, sensor, and the effects on file."""
-    return harmonics_layout(robot, data,
-                            record).joined(sensor_layout(robot, data, record)).joined(
-                                carried_layout(robot, data, GEAR_RUN.name)
-                            )
+    sensor, carried = sensor_layout(robot, data, record), carried_layout(robot, data, GEAR_RUN.name)
+    return harmonics_layout(robot, data, record).joined(sensor).joined(carried)
 
 
 def harmonics_layout(robot: Robot, data: Dataset, record: GearRecord) -> Layout:
@@ -43,9 +39,8 @@ def harmonics_layout(robot: Robot, data: Dataset, record: GearRecord) -> Layout:
     return Layout.of(tuple(effects))
 
 
-def sensor_layout(
-    robot: Robot, data: Dataset, record: GearRecord, *, bias: bool = False, chosen: np.ndarray | None = None
-) -> Layout:
+def sensor_layout(robot: Robot, data: Dataset, record: GearRecord, *, bias: bool = False,
+                  chosen: np.ndarray | None = None) -> Layout:
     """What belongs to the set-up: alignment (and bias) of the gyroscope, or the offsets between two encoders;
     started from the `chosen` rows (N,) alone."""
     if record.encoder_axes:
@@ -56,8 +51,7 @@ def sensor_layout(
 
 def alignments(robot: Robot, data: Dataset, record: GearRecord,
                chosen: np.ndarray | None = None) -> list[GyroAlignment]:
-    """Closed form of (3.3): the direction of the reading, weighted with the motor's rate (so with its sign),
-    onto z."""
+    """Closed form of (3.3): the reading's direction, weighted with the motor's (signed) rate, onto z."""
     sensor_axis = record.sensor_axis
     usable = np.ones(len(data), bool) if chosen is None else chosen
     found = []

@@ -4,8 +4,6 @@ Coefficients of gear tables are drawn towards their declared values with their p
 orders cannot be told apart on a short range, and would grow without bound against each other.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,8 +21,7 @@ _TOLERANCE = 1e-8  # relative fall of the square sum that ends a fit
 
 @dataclass(frozen=True)
 class GearFit:
-    """The layout at its estimate, the fit, the standard deviation (m,) of each component, the last
-    prediction."""
+    """The layout at its estimate, the fit, the standard deviation (m,) by component, the last prediction."""
 
     robot: Robot
     layout: Layout
@@ -37,18 +34,10 @@ class GearFit:
         return predict_gear_run(self.robot, self.layout, data, record=record, tangents=False, threads=threads)
 
 
-def fit_gear_runs(
-    robot: Robot,
-    layout: Layout,
-    data: Dataset,
-    *,
-    record: GearRecord | None = None,
-    weights: np.ndarray | None = None,
-    drift: DriftingNoise | None = None,
-    threads: int = 1,
-) -> GearFit:
-    """Estimates the free parameters of `layout`; `weights` (N,) per row, 0 leaves it out; `drift`: of the
-    noise."""
+def fit_gear_runs(robot: Robot, layout: Layout, data: Dataset, *, record: GearRecord | None = None,
+                  weights: np.ndarray | None = None, drift: DriftingNoise | None = None,
+                  threads: int = 1) -> GearFit:
+    """Estimates the free parameters of `layout`; weights (N,) per row, 0: left out; drift: of the noise."""
     record = gear_record(robot, data) if record is None else record
     used = record.keep.astype(float) if weights is None else record.keep * weights
     white = (lambda values: values) if drift is None else drift.white
@@ -68,6 +57,5 @@ def fit_gear_runs(
 
     components = predicted(layout).residual().shape[1]
     found = fit_layout(
-        predict, layout, used, alike=np.arange(components), floor=_LEAST_SIGMA, tolerance=_TOLERANCE,
-    )
+        predict, layout, used, alike=np.arange(components), floor=_LEAST_SIGMA, tolerance=_TOLERANCE)
     return GearFit(robot, found.layout, found.fit, found.sigma, predicted(found.layout))

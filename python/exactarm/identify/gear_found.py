@@ -7,8 +7,6 @@ long as less is left. Waves of a range that hardly holds one imitate a delay: no
 of the error asks for it.
 """
 
-from __future__ import annotations
-
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -64,16 +62,12 @@ def errors_of(robot: Robot, estimates: dict[str, GearEstimate], method: str) -> 
     after = {name: error(models[name], sensor_part(samples, each.disturbance))
              for name, each in estimates.items()}
     unfiltered = error(models[method], filtered=False)
-    return Errors(
-        error(samples.motor / chosen.scale),
-        after,
-        error(motor_by_tables(samples, 1.0,
-                              {side: table for side, table in own.items() if table is not None})),
-        after[method] if np.array_equal(sensor, chosen.disturbance)
-        else error(models[method], chosen.disturbance),
-        unfiltered,
-        noise_of_error(samples, unfiltered),
-    )
+    return Errors(error(samples.motor / chosen.scale), after,
+                  error(motor_by_tables(samples, 1.0,
+                                        {side: table for side, table in own.items() if table is not None})),
+                  after[method] if np.array_equal(sensor, chosen.disturbance)
+                  else error(models[method], chosen.disturbance),
+                  unfiltered, noise_of_error(samples, unfiltered))
 
 
 @dataclass(frozen=True)
@@ -89,8 +83,7 @@ class Found:
 
 def find_gear(robot: Robot, data: Dataset, record: GearRecord, axis: int, identification: np.ndarray,
               method: str, threads: int = 1) -> tuple[Robot, Found | None]:
-    """The robot, with a delay of the record where one shows, and what one axis gives; None where too few
-    rows identify."""
+    """The robot, with a delay of the record where one shows, and what one axis gives; None: too few rows."""
     estimated = lambda arm: _estimated(robot, *gear_samples(arm, data, record, axis, identification, threads),
                                        method, threads)
     found = estimated(robot)

@@ -130,10 +130,9 @@ def with_run_out(profiles: list[AngleProfile], band: tuple[float, float], found:
     return found
 
 
-def find_orders(
-    profiles: list[AngleProfile], band: tuple[float, float], method: str, start: Found | None = None,
-    whole: Found | None = None, run_out: Found | None = None
-) -> Found:
+def find_orders(profiles: list[AngleProfile], band: tuple[float, float], method: str,
+                start: Found | None = None, whole: Found | None = None,
+                run_out: Found | None = None) -> Found:
     """Accepted orders for all directions together; `start`: orders that are in already, from other profiles
     of the same gear; `whole`: what `whole_orders` found in these profiles; `run_out`: what lies below the
     band in them, whose side lobes it begins beside.
@@ -292,8 +291,7 @@ def _refine(profiles, found: Found, band, rounds: int = 5) -> Found:
 
 
 def _projected(profiles, found: Found) -> tuple[np.ndarray, np.ndarray]:
-    """Normal matrix (m, m) and gradient (m,) of the orders with all coefficients eliminated (Schur's
-    complement)."""
+    """Normal matrix (m, m) and gradient (m,) of the orders, coefficients eliminated (Schur's complement)."""
     m = found.orders.size
     normal, gradient = np.zeros((m, m)), np.zeros(m)
     own, order = slice(0, 2 * m + 1), slice(2 * m + 1, None)

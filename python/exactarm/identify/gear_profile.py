@@ -7,8 +7,6 @@ with weights sum rate^2 (count), which make the folded fit the fit of all sample
 beside the shortest period.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,8 +51,7 @@ class AngleProfile:
         m = orders.size
         return _core.profile_normal(
             self.angle, self.value, self.weight, self.rated, orders, x[:m], x[m : 2 * m], float(x[-1]),
-            with_orders
-        )
+            with_orders)
 
     def spectrum(self, residual: np.ndarray, low: float, high: float,
                  count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -7,8 +7,6 @@ Kinematic error (E6): motor over ratio minus output. What the robot file carries
 this and other axes) comes from the effects of the chain.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -80,11 +78,9 @@ class GearSamples:
         return float(np.median(speeds[moving])) if moving.any() else 0.0
 
 
-def gear_samples(
-    robot: Robot, data: Dataset, record: GearRecord, axis: int, identification: np.ndarray, threads: int = 1
-) -> tuple[GearSamples, Layout]:
-    """Samples of one axis, and the set-up (alignment or offsets) that was found on the identification
-    rows."""
+def gear_samples(robot: Robot, data: Dataset, record: GearRecord, axis: int, identification: np.ndarray,
+                 threads: int = 1) -> tuple[GearSamples, Layout]:
+    """Samples of one axis, and the set-up (alignment or offsets) as found on the identification rows."""
     here = np.ones(len(data), bool) if record.encoder_axes else record.sensor_axis == axis
     rows = np.flatnonzero(here)
     plain = robot.with_joint(axis, cw=None, ccw=None)  # of a constant ratio
@@ -102,11 +98,9 @@ def gear_samples(
     else:
         output = data.joints["q"][rows, axis] - robot.offsets[axis] - beside
         disturbances, names = _encoder_disturbances(data, record, rows, axis, rate)
-    samples = GearSamples(
-        axis, float(robot.ratios[axis]), rows, data.time[rows], angle, rate, output,
-        record.direction[rows, axis],
-        record.keep[rows], data.run[rows], identification[rows], disturbances, names, rated,
-    )
+    samples = GearSamples(axis, float(robot.ratios[axis]), rows, data.time[rows], angle, rate, output,
+                          record.direction[rows, axis],
+                          record.keep[rows], data.run[rows], identification[rows], disturbances, names, rated)
     return samples, setup
 
 
@@ -125,9 +119,8 @@ def _axis_in_sensor(setup: Layout, sessions: np.ndarray) -> np.ndarray:
     return along
 
 
-def _at_the_gear(
-    plain: Robot, data: Dataset, record: GearRecord, carried: Layout, threads: int
-) -> tuple[np.ndarray, np.ndarray]:
+def _at_the_gear(plain: Robot, data: Dataset, record: GearRecord, carried: Layout,
+                 threads: int) -> tuple[np.ndarray, np.ndarray]:
     """(N, n) motor angles and rates as the gears receive them: with what the robot file knows of the motors'
     side (a delay), by the effects of the chain."""
     view = record.view(plain, data, threads)

@@ -9,8 +9,6 @@ with the least T of STEPS_S behind which what is left is no more than far from a
 the motion is far from one: on a short range there is nothing else, and it stays as it is.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm.identify.gear_samples import LEAST_SPEED_SHARE, GearSamples

@@ -12,8 +12,6 @@ With the noise known, a parameter whose standard deviation exceeds its plausible
 estimate would be noise (the weakest direction first, in it the parameter that comes last in the order).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -72,18 +70,10 @@ class Identifiability:
         return tuple(entry.name for entry in self.dropped)
 
 
-def select_identifiable(
-    jacobian: np.ndarray,
-    names: Sequence[ParameterId],
-    *,
-    keep_first: int = 0,
-    poses: int | None = None,
-    weights: np.ndarray | None = None,
-    sigma: float | None = None,
-    plausible: Sequence[float] | None = None,
-    robot: Robot | None = None,
-    still: Sequence[int] = (),
-) -> Identifiability:
+def select_identifiable(jacobian: np.ndarray, names: Sequence[ParameterId], *, keep_first: int = 0,
+                        poses: int | None = None, weights: np.ndarray | None = None,
+                        sigma: float | None = None, plausible: Sequence[float] | None = None,
+                        robot: Robot | None = None, still: Sequence[int] = ()) -> Identifiability:
     """Identifiable parameters of `jacobian` (R, P).
 
     keep_first: the first so many columns come first in the order of preference, as they stand. poses: K of
@@ -120,14 +110,10 @@ def select_identifiable(
     indices = observability(np.linalg.svd(scaled, compute_uv=False), poses or max(len(jacobian) // 3, 1))
     rank = {name: place for place, name in enumerate(names)}
     return Identifiability(
-        names,
-        mask,
-        tuple(sorted(dropped, key=lambda entry: rank[entry.name])),
+        names, mask, tuple(sorted(dropped, key=lambda entry: rank[entry.name])),
         _all_singular_values(unit, len(names)),
         float(kept_values[0] / kept_values[-1]) if kept_values.size and kept_values[-1] > 0.0 else np.inf,
-        indices,
-        deviations,
-    )
+        indices, deviations)
 
 
 def still_axes(q: np.ndarray) -> tuple[int, ...]:
@@ -174,8 +160,7 @@ def _participants(share: np.ndarray, columns: list[int], least: float) -> list[i
 
 
 def _above_noise(unit, length, kept, sigma, plausible, count):
-    """Drops, one by one, what the noise hides. Returns kept, [(dropped, partners, deviation)], deviations
-    (P,)."""
+    """Drops, one by one, what the noise hides: kept, [(dropped, partners, deviation)], deviations (P,)."""
     size = np.full(count, np.inf) if plausible is None else np.asarray(plausible, float)
     kept, hidden = list(kept), []
     deviations = np.full(count, np.nan)
@@ -195,8 +180,7 @@ def _above_noise(unit, length, kept, sigma, plausible, count):
 
 
 def _weakest(unit, length, kept, size, excess) -> tuple[int, list[int]]:
-    """Of the weakest direction (in plausible magnitudes) the hidden parameter last in the order, and its
-    partners."""
+    """Of the weakest direction (in plausible magnitudes) the last hidden parameter, and its partners."""
     finite = np.where(np.isfinite(size[kept]), size[kept], 1.0)
     direction = np.abs(np.linalg.svd(unit[:, kept] * (length[kept] * finite), full_matrices=False)[2][-1])
     part = direction > _WEAK_SHARE * direction.max()

@@ -5,8 +5,6 @@ face of three touches goes through all three. Such rows have an error of 0, what
 lower every mean. They neither count before nor after a calibration.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm.chain import Layout

@@ -8,8 +8,6 @@ e (N, m): measured minus predicted; w (N,): square root of the information of a 
 Gaussian priors, those of many terms that regularise each other. The result depends on the arguments alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
@@ -29,27 +27,17 @@ _LEAST_FREE_SHARE = 0.1  # of the numbers that is left for the noise, however ma
 
 @dataclass(frozen=True)
 class LayoutFit:
-    """The layout at its estimate, the fit, and the standard deviation (m,) of each component of an
-    independent row."""
+    """The layout at its estimate, the fit, the standard deviation (m,) of an independent row's numbers."""
 
     layout: Layout
     fit: Fit
     sigma: np.ndarray
 
 
-def fit_layout(
-    predict: Predict,
-    layout: Layout,
-    weight: np.ndarray,
-    sigma: np.ndarray | None = None,
-    *,
-    alike: np.ndarray,
-    floor: np.ndarray | float = 1e-12,
-    robust: bool = False,
-    tolerance: float = 1e-10,
-    drawing: Drawing | None = None,
-    worth: np.ndarray | None = None,
-) -> LayoutFit:
+def fit_layout(predict: Predict, layout: Layout, weight: np.ndarray, sigma: np.ndarray | None = None, *,
+               alike: np.ndarray, floor: np.ndarray | float = 1e-12, robust: bool = False,
+               tolerance: float = 1e-10, drawing: Drawing | None = None,
+               worth: np.ndarray | None = None) -> LayoutFit:
     """Estimates the free parameters of `layout`.
 
     predict(layout, with_jacobian): residual (N, m) and Jacobian (N, m, P) of the prediction (if asked), of
@@ -92,9 +80,8 @@ def fit_layout(
         each = (weight[rows, None] / sigma).ravel()
         fit = least_squares(
             evaluate, x, weights=np.concatenate([each, np.ones(len(pull))]), bounds=bounds, robust=robust,
-            group=_group(alike), data_rows=each.size,
-            numbers=numbers, tolerance=tolerance if exact else max(tolerance, _ALONG),
-        )
+            group=int(np.bincount(alike).min()),  # what shares one variance shares a robust weight
+            data_rows=each.size, numbers=numbers, tolerance=tolerance if exact else max(tolerance, _ALONG))
         (last,) = latest.values()
         spent = _spent(last.jacobian[: each.size], weight[rows], sigma, alike, pull, fit)
         left = fit.clipped[: each.size].reshape(-1, components)
@@ -177,8 +164,3 @@ def priors_of(layout: Layout, drawing: Drawing | None = None) -> tuple[np.ndarra
         if name in drawing:
             centre[place], spread[place] = drawing[name]
     return centre, spread
-
-
-def _group(alike: np.ndarray) -> int:
-    """Components that share one variance share a robust weight."""
-    return int(np.bincount(alike).min())

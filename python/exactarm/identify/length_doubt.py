@@ -7,8 +7,6 @@ Told apart from the scale: where the lengths are all that gives it, sd holds the
 more than noise would: sd is never less than the touches scatter, and a length is doubted only far out.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -10,8 +10,6 @@ of all axes together,
 so that a compliance found under measured loads keeps its size where no torque is measured.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -29,8 +27,7 @@ LEAST_SHARE = 0.5  # of the square sum of measured torques that gravity must exp
 
 
 def with_loads(robot: Robot, data: Dataset) -> Robot:
-    """The robot to analyse data with: generic masses where a place is measured, declared ones alone behind
-    gears and drives."""
+    """The robot to analyse data with: generic masses where a place is measured, else declared ones alone."""
     if not kind_of(data.kind).shows_generic_loads:
         return with_declared_masses(robot)
     guessed = with_generic_masses(robot)
@@ -94,11 +91,9 @@ def guess_line(robot: Robot, data: Dataset) -> str | None:
     by = "scaled to the measured torques" if measured.any() else by
     total = sum(link.mass for link in robot.links)
     other = "other " if measured.any() else ""
-    return (
-        f"the robot file declares no link masses: {other}loads are those of a generic "
-        f"distribution of {total:.3g} kg ({by}); the size of what depends on a load is relative to it: "
-        "declare [[links]] or give measured torques to make it absolute"
-    )
+    return (f"the robot file declares no link masses: {other}loads are those of a generic "
+            f"distribution of {total:.3g} kg ({by}); the size of what depends on a load is relative to it: "
+            "declare [[links]] or give measured torques to make it absolute")
 
 
 def load_json(robot: Robot, data: Dataset) -> dict:

@@ -2,10 +2,8 @@
 
 With base and tool fitted, every joint zero of an assembled robot off by a degree moves the target by less
 than 3 % of the reach; what is further off is another robot, other columns or another unit. Which of them,
-first aid tries (`exactarm.first_aid.mismatch`).
+first aid tries (`exactarm.first_aid.first_aid`).
 """
-
-from __future__ import annotations
 
 from exactarm.chain import Layout
 from exactarm.data.dataset import Dataset
@@ -19,8 +17,7 @@ WORST_SHARE = 0.03  # of the reach, RMS with the frames fitted
 
 
 class Mismatch(InputError):
-    """Robot and data do not match. refusal: the line without its question; robot, rows, carried, seed: what
-    was compared."""
+    """Robot and data do not match. refusal: the line without its question; the others: what was compared."""
 
     def __init__(self, refusal: str, robot: Robot, rows: Dataset, carried: Layout, seed: int):
         super().__init__(f"{refusal}: is it another robot?", file=rows.first_file)
@@ -29,8 +26,7 @@ class Mismatch(InputError):
 
 def require_match(robot: Robot, data: Dataset, found: list[tuple[int, FoundFrames]], carried: Layout,
                   seed: int = DEFAULT_SEED) -> None:
-    """Raises Mismatch where the robot cannot have moved the target as measured; `found`: frames by
-    session."""
+    """Raises Mismatch where the robot cannot have moved the target so; `found`: frames by session."""
     for session, frames in found:
         if frames.rms > WORST_SHARE * reach(robot):
             refusal = (

@@ -8,8 +8,6 @@ Between parallel axes d, a and alpha of a frame leave one direction out, the til
 the line says which frame, how much, and what to write. Source: Rao's score test, to first order.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import special
 
@@ -26,10 +24,8 @@ CHANCE = 1e-4  # of one such line in ten thousand calibrations of an arm that la
 
 def missing_tilts(robot: Robot, layout: Layout, data: Dataset, threads: int = 1) -> tuple[str, ...]:
     """One line for all frames that should have a beta; empty where the rows ask for none."""
-    frames = [
-        i for i in range(robot.axes - 1)
-        if robot.joints[i].beta is None and deviation_from_parallel(robot, i + 1, i + 2) < NEARLY_PARALLEL_RAD
-    ]
+    frames = [i for i, joint in enumerate(robot.joints[:-1]) if joint.beta is None
+              and deviation_from_parallel(robot, i + 1, i + 2) < NEARLY_PARALLEL_RAD]
     if not frames:
         return ()
     tilts = Layout.of(tuple(Geometry(i + 1, (0.0,), ("beta_rad",)) for i in frames))
@@ -56,5 +52,4 @@ def missing_tilts(robot: Robot, layout: Layout, data: Dataset, threads: int = 1)
     return (
         f"the robot file has no beta in frame {listed(i + 1 for i in frames)}, whose axis is parallel to the "
         f"next one; a tilt of {listed(f'{1e3 * size:.2g}' for size in sizes)} mrad there explains "
-        f"{100.0 * share:.0f} % of what is left (square sum): write beta_rad = 0.0 in place of d there",
-    )
+        f"{100.0 * share:.0f} % of what is left (square sum): write beta_rad = 0.0 in place of d there",)

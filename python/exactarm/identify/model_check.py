@@ -6,8 +6,6 @@ parameter imitates it is a gap: a way in which the arm can be wrong that the mod
 others it is said which declared parameters stand for them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -30,15 +28,8 @@ class ModelCheck:
     gaps: tuple[Dropped, ...]
 
 
-def check_model(
-    robot: Robot,
-    layout: Layout,
-    blocks_of: Callable[[Layout], np.ndarray],
-    *,
-    keep_first: int,
-    weights: np.ndarray,
-    still: tuple[int, ...] = (),
-) -> ModelCheck:
+def check_model(robot: Robot, layout: Layout, blocks_of: Callable[[Layout], np.ndarray], *, keep_first: int,
+                weights: np.ndarray, still: tuple[int, ...] = ()) -> ModelCheck:
     """`blocks_of(layout)` gives the Jacobian (N, r, P) of the poses; weights (r,): 1 / standard deviation of
     a row; still: axes (from 1) that do not move in them."""
     full = with_all_columns(layout, robot)
@@ -53,8 +44,7 @@ def check_model(
         names = [full.names[j] for j in columns]
         return select_identifiable(
             rows[:, columns], names, keep_first=first, poses=len(blocks), weights=each, sigma=1.0,
-            plausible=plausible[columns], robot=robot, still=still,
-        )
+            plausible=plausible[columns], robot=robot, still=still)
 
     result = select(declared, keep_first)
     kept = [place[name] for name in result.identifiable]
@@ -77,12 +67,10 @@ def with_all_columns(layout: Layout, robot: Robot) -> Layout:
 
 def _why_gap(p: ParameterId, robot: Robot) -> str:
     parallel = (
-        p.axis < robot.axes and deviation_from_parallel(robot, p.axis, p.axis + 1) < NEARLY_PARALLEL_RAD
-    )
+        p.axis < robot.axes and deviation_from_parallel(robot, p.axis, p.axis + 1) < NEARLY_PARALLEL_RAD)
     if p.symbol == "beta" and parallel:
         return (
             f"axes {p.axis} and {p.axis + 1} are parallel, and frame {p.axis} has no beta: a tilt of axis "
             f"{p.axis + 1} about y of frame {p.axis} would show in these poses, and no parameter of the "
-            "model stands for it"
-        )
+            "model stands for it")
     return f"{p} would show in these poses, and no parameter of the model stands for it"

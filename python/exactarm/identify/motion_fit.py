@@ -4,8 +4,6 @@ Weights and parameters are estimated together (layout_fit.py); the intervals cou
 they are.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -42,17 +40,12 @@ class MotionFit:
     def residual(self, record: MotionRecord, threads: int = 1) -> np.ndarray:
         """(N', m) measured minus predicted on the rows of any record that count."""
         return predict_motion(self.robot, self.layout, record, tangents=False,
-                              threads=threads).residual()[record.keep][
-            :, self.axes
-        ]
+                              threads=threads).residual()[record.keep][:, self.axes]
 
 
-def fit_motion(
-    robot: Robot, layout: Layout, record: MotionRecord, *, weights: np.ndarray | None = None,
-    sigma: np.ndarray | None = None, threads: int = 1,
-) -> MotionFit:
-    """Estimates the free parameters of `layout` on the rows of `record` (weights (N,) per row, 0 leaves it
-    out)."""
+def fit_motion(robot: Robot, layout: Layout, record: MotionRecord, *, weights: np.ndarray | None = None,
+               sigma: np.ndarray | None = None, threads: int = 1) -> MotionFit:
+    """Estimates the free parameters of `layout` on the rows of `record`; weights (N,), 0 leaves one out."""
     axes = record.measured_axes
     weight = record.keep.astype(float) * (1.0 if weights is None else weights)
     rows = np.flatnonzero(weight)
@@ -84,8 +77,7 @@ def _uncertainty(prediction, residual, sigma, rows, axes, record, layout, held) 
     place[rows] = np.arange(len(rows))
     runs = [place[run][place[run] >= 0] for run in record.runs]
     found = uncertainty(jacobian[:, :, ~held], residual, sigma, [run for run in runs if run.size],
-                        record.step,
-                        record.noise_autocorrelation, prior[~held])
+                        record.step, record.noise_autocorrelation, prior[~held])
     covariance = np.zeros((held.size, held.size))
     covariance[np.ix_(~held, ~held)] = found.covariance
     return replace(found, covariance=covariance[: layout.size, : layout.size])

@@ -10,8 +10,6 @@ it), and for a parameter of any other unit per 1000 times its plausible magnitud
 scaled parameter (1 mm, 1 mrad, the plausible magnitude) counts alike.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
@@ -42,18 +40,13 @@ def observability(singular_values: np.ndarray, poses: int) -> Observability:
     if values.size == 0 or values.min() <= 0.0 or poses < 1:
         return Observability(0.0, 0.0, 0.0, 0.0, 0.0)
     largest, smallest = values.max(), values.min()
-    return Observability(
-        O1=float(np.exp(np.mean(np.log(values))) / np.sqrt(poses)),
-        O2=float(smallest / largest),
-        O3=float(smallest),
-        O4=float(smallest**2 / largest),
-        O5=float(1.0 / np.sum(1.0 / values)),
-    )
+    return Observability(O1=float(np.exp(np.mean(np.log(values))) / np.sqrt(poses)),
+                         O2=float(smallest / largest), O3=float(smallest), O4=float(smallest**2 / largest),
+                         O5=float(1.0 / np.sum(1.0 / values)))
 
 
 def column_scale(names: Sequence[ParameterId], plausible: Sequence[float] | None = None) -> np.ndarray:
-    """(P,) factor of every column: 1 for lengths and angles, 1000 times the plausible magnitude for all
-    else."""
+    """(P,) factor of every column: 1 for lengths and angles, else 1000 times the plausible magnitude."""
     if plausible is None:
         return np.ones(len(names))
     pairs = zip(names, plausible)

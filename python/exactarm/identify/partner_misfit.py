@@ -8,8 +8,6 @@ slipped) from several t. A whole fit has these unknowns and no others before the
 what fails here fails there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -8,8 +8,6 @@ sizes. A calibrated file is suspected where the partner as a mere drawing fits f
 the price of its parameters (Schwarz 1978), for effects that the arm lacks buy some of it too.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np
@@ -26,12 +24,10 @@ _NINETY_FIVE = 1.959964
 _OTHER_ARM = 2.0  # times Schwarz' price
 NO_SCALE = (
     "the partner's robot file is a drawing ([intervals] are missing): it is estimated beside the arm, and "
-    "tells no scale; a calibrated file of the partner does"
-)
+    "tells no scale; a calibrated file of the partner does")
 WRONG_PARTNER = (
     "the touches fit far better with the partner free as a drawing is ({before:.3g} mm to {after:.3g} mm "
-    "RMS) than with the intervals of its file: is {file} the file of this arm, calibrated as it is now?"
-)
+    "RMS) than with the intervals of its file: is {file} the file of this arm, calibrated as it is now?")
 
 
 def calibrated(robot: Robot) -> bool:
@@ -56,8 +52,7 @@ def prior_of(robot: Robot, drawn: bool = False) -> tuple[Layout, np.ndarray]:
 
 
 def with_open_partner(layout: Layout, drawn: bool = False) -> Layout:
-    """The layout with the deviations of a partner free, as its file leaves them open; drawn: as a drawing
-    does."""
+    """The layout with a partner's deviations free, as its file leaves them open; drawn: as a drawing does."""
     opened = lambda effect: effect.open_to(*prior_of(effect.declared_as.robot, drawn))
     effects = [opened(effect) if isinstance(effect, Partner) else effect for effect in layout.effects]
     free = [np.ones(len(new.parameters()), bool) if isinstance(new, Partner) else mask
@@ -66,8 +61,7 @@ def with_open_partner(layout: Layout, drawn: bool = False) -> Layout:
 
 
 def known_of_partner(layout: Layout) -> set[str]:
-    """Names of the deviations that a calibration leaves open of a partner: too small to take a parameter's
-    place."""
+    """Names of the deviations that a partner's calibration leaves: too small to take a parameter's place."""
     return {effect.parameter_label(parameter) for effect in layout.effects
             if isinstance(effect, Partner) and calibrated(effect.declared_as.robot)
             for parameter in effect.parameters()[FRAMES:]}

@@ -36,8 +36,7 @@ class PlannedModel:
 
     @staticmethod
     def of(robot: Robot, q: np.ndarray, frames: str = "both", orientation: bool = False) -> PlannedModel:
-        """The model to plan for; `q` (N, n): poses that tell which joints are loaded. `frames`: which are
-        unknown."""
+        """The model to plan for; q (N, n): poses that tell the loaded joints; frames: which are unknown."""
         require_geometry(robot)
         placed = Frames.of(1, Placement(), robot.tool, orientation)
         unknown = tuple(name for name in placed.names if frames == "both" or name.startswith(frames))
@@ -45,8 +44,7 @@ class PlannedModel:
                                                for name in placed.names if name not in unknown})
         layout = layout.joined(geometry_layout(robot)).joined(compliance_layout(robot, pose_data(q)))
         joints = tuple(
-            replace(joint, cw=None, ccw=None, spring_linear=None, spring_cubic=0.0) for joint in robot.joints
-        )
+            replace(joint, cw=None, ccw=None, spring_linear=None, spring_cubic=0.0) for joint in robot.joints)
         loaded = any(name.group is Group.EFFECT for name in layout.names)
         plain = replace(robot, joints=joints, effects=(), base=Placement(),
                         links=robot.links if loaded else None)

@@ -4,8 +4,6 @@ Position and orientation carry different noise: two variances, estimated togethe
 (layout_fit.py).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,20 +40,9 @@ class PoseFit:
         return predict_poses(self.robot, self.layout, data, tangents=False, threads=threads).residual()
 
 
-def fit_poses(
-    robot: Robot,
-    layout: Layout,
-    data: Dataset,
-    *,
-    orientation: bool = False,
-    robust: bool = False,
-    weights: np.ndarray | None = None,
-    threads: int = 1,
-    sigma: np.ndarray | None = None,
-    tolerance: float = 1e-10,
-    drawn: Drawn = FREE,
-    worth: np.ndarray | None = None,
-) -> PoseFit:
+def fit_poses(robot: Robot, layout: Layout, data: Dataset, *, orientation: bool = False, robust: bool = False,
+              weights: np.ndarray | None = None, threads: int = 1, sigma: np.ndarray | None = None,
+              tolerance: float = 1e-10, drawn: Drawn = FREE, worth: np.ndarray | None = None) -> PoseFit:
     """Estimates the free parameters of `layout` from all rows of `data`. `weights` (N,) per row, 0 leaves
     it out; `sigma` (1,) or (2,): first guess of the standard deviations (m, rad);
     `tolerance`: relative fall of the square sum at which the search ends; `drawn`: to what the
@@ -77,5 +64,4 @@ def fit_poses(
                        drawing=drawn.to, worth=worth)
     return PoseFit(
         robot, found.layout, found.fit, float(found.sigma[0]), float(found.sigma[3]) if orientation else None,
-        accepted[0], drawn,
-    )
+        accepted[0], drawn)

@@ -62,12 +62,9 @@ class PoseUncertainty:
         return self.half_axes[:, -1]
 
 
-def pose_uncertainty(
-    robot: Robot, frames: Layout, data: Dataset, residual: np.ndarray, poses: Dataset, seed: int,
-    threads: int = 1
-) -> PoseUncertainty:
-    """frames: as fitted to `data`, whose `residual` (N, 3) is measured minus predicted; poses: to be
-    judged."""
+def pose_uncertainty(robot: Robot, frames: Layout, data: Dataset, residual: np.ndarray, poses: Dataset,
+                     seed: int, threads: int = 1) -> PoseUncertainty:
+    """frames: as fitted to `data`; `residual` (N, 3): measured minus predicted; poses: to be judged."""
     judged, own = _judged(robot, data, seed)
     if len(judged) < LEAST_ROWS:
         raise InputError(f"{len(judged)} rows that were never fitted; expected at least {LEAST_ROWS} for an "
@@ -83,8 +80,7 @@ def pose_uncertainty(
     values = np.maximum(np.linalg.eigvalsh(covariance), 0.0)
     return PoseUncertainty(
         covariance * quantile / CHI_SQUARE, np.sqrt(values * quantile), position, len(judged),
-        quantile / CHI_SQUARE, half_coverage(scores, seed), own, robot.covariance is not None,
-    )
+        quantile / CHI_SQUARE, half_coverage(scores, seed), own, robot.covariance is not None)
 
 
 def model_uncertainty(robot: Robot, q: np.ndarray, threads: int = 1) -> np.ndarray | None:

@@ -6,8 +6,6 @@ its own, masses in proportion to lengths; how heavy all of them are together is 
 (`_scaled` in consistent.py).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm.robot.mdh_frames import behind_axis

@@ -7,8 +7,6 @@ the device scatters, one where the arm misses the pose alike each time. Counted 
 of each pose would make every interval three times too narrow, and the drawing weigh a tenth.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 # readings beyond the first of their pose, below which nothing is said of what they share: these tell the

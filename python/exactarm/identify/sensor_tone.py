@@ -13,8 +13,6 @@ stands at the same frequency for seconds would lose it too. Runs without a rest 
 none is seen below some nine periods in a rest.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 

@@ -5,8 +5,6 @@ everything else is estimated as if nothing were carried there; from these spring
 motion the drives feel it, with the links: where their masses are estimated too, a session has to be weighed.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,8 +48,7 @@ def payload_layout_of_motion(train: Dataset, masses_estimated: bool) -> Layout:
 
 @dataclass(frozen=True)
 class EstimatedPayload:
-    """mass in kg with its 95 % interval, centre (3,) m in the controller's flange frame; estimated: not as
-    declared."""
+    """mass kg with its 95 % interval, centre (3,) m in the controller's flange frame; estimated: or given."""
 
     session: int
     mass: float
@@ -76,8 +73,7 @@ def session_payloads(data: Dataset, layout: Layout, bounds: np.ndarray) -> tuple
             if interval is not None:
                 centre = _as_given(data, effect.centre_of_mass())
                 found.append(
-                    EstimatedPayload(session, effect.values[0], tuple(map(float, interval)), centre, True)
-                )
+                    EstimatedPayload(session, effect.values[0], tuple(map(float, interval)), centre, True))
         elif session not in data.unweighed:
             row = int(np.argmax(data.session == session))
             mass, centre = data.payload[0][row], _as_given(data, data.payload[1][row])

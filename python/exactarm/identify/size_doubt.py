@@ -6,8 +6,6 @@ s by least squares over the arm's lengths that the data tell, with Student's t o
 themselves, and no tolerance, say how sure that is.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Summary of Euclidean errors: n, mean, rms, max, min, std, all of the same rows."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +26,5 @@ def summarise(errors: np.ndarray) -> ErrorSummary:
     if errors.size == 0:
         return ErrorSummary(0, *[float("nan")] * 5)
     rms = float(np.sqrt(np.mean(errors**2)))
-    return ErrorSummary(
-        int(errors.size), float(errors.mean()), rms, float(errors.max()), float(errors.min()),
-        float(errors.std())
-    )
+    return ErrorSummary(int(errors.size), float(errors.mean()), rms, float(errors.max()), float(errors.min()),
+                        float(errors.std()))

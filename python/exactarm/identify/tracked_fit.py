@@ -4,8 +4,6 @@ Of a run every k-th sample is taken, which is enough for what moves with the arm
 that, from all samples. Positions only: an orientation that the device may have measured too is left aside.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -59,8 +57,7 @@ def tracked_record(data: Dataset, robot: Robot) -> MotionRecord:
         raise InputError(
             f"run {runs[counts.argmin()]} of a tracked motion has {counts.min()} samples; expected at least "
             f"{_LEAST_ROWS}",
-            file=data.sources[0].path if data.sources else None,
-        )
+            file=data.sources[0].path if data.sources else None)
     record = full_record(robot, data)
     inside = record.inside.copy()
     for rows in record.runs:
@@ -70,10 +67,8 @@ def tracked_record(data: Dataset, robot: Robot) -> MotionRecord:
 
 def subsampled_record(record: MotionRecord, robot: Robot) -> MotionRecord:
     """Every k-th row of each run, with the rates that all rows gave."""
-    shaken = (
-        any(joint.spring_linear for joint in robot.joints)
-        and any(joint.has_harmonics for joint in robot.joints)
-    )
+    shaken = (any(joint.spring_linear for joint in robot.joints)
+              and any(joint.has_harmonics for joint in robot.joints))
     longest = _SHAKEN_STEP_S if shaken else _LONGEST_STEP_S
     every = max(1, min(len(record.data) // _ROWS, int(longest / record.step)))
     if every == 1:
@@ -84,10 +79,8 @@ def subsampled_record(record: MotionRecord, robot: Robot) -> MotionRecord:
     rows = len(record.data)
     by_row = {name: value[chosen] for name, value in values.items()
               if isinstance(value, np.ndarray) and len(value) == rows}
-    return replace(
-        record, data=record.data.select(chosen), step=every * record.step,
-        runs=tuple(np.arange(a, b) for a, b in zip(ends[:-1], ends[1:])), **by_row,
-    )
+    return replace(record, data=record.data.select(chosen), step=every * record.step,
+                   runs=tuple(np.arange(a, b) for a, b in zip(ends[:-1], ends[1:])), **by_row)
 
 
 def tracked_frames(robot: Robot, data: Dataset, seed: int = DEFAULT_SEED) -> Layout:
@@ -113,10 +106,8 @@ def predict_record(robot: Robot, layout: Layout, record: MotionRecord, *, tangen
                                   threads=threads)
 
 
-def fit_tracked(
-    robot: Robot, layout: Layout, record: MotionRecord, *, weights: np.ndarray | None = None,
-    sigma: float | None = None, threads: int = 1, drawing: Drawing | None = None,
-) -> TrackedFit:
+def fit_tracked(robot: Robot, layout: Layout, record: MotionRecord, *, weights: np.ndarray | None = None,
+                sigma: float | None = None, threads: int = 1, drawing: Drawing | None = None) -> TrackedFit:
     """Estimates the free parameters of `layout`. weights (N,): square root of the independent numbers that a
     row's number is worth (correlated noise counts less). Rows at reversals that no model defines count for
     nothing. drawing: parameters that are drawn to their declared values."""

@@ -5,8 +5,6 @@ have plain names (sections.py), and the page's content security policy lets no s
 fetched.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -46,8 +44,7 @@ def render_html(report: Report, drawings: Sequence[Drawing] = ()) -> str:
 
 
 def render_verdict_html(report: Report) -> str:
-    """Title, verdict, the numbers that matter most and the first table, as a piece of a page (for
-    notebooks)."""
+    """Title, verdict, the main numbers and the first table, as a piece of a page (for notebooks)."""
     parts = [Markup("<p><strong>{}</strong><br>{}</p>").format(report.title, report.verdict)]
     for section in report.sections:
         if isinstance(section, Highlights):
@@ -62,8 +59,7 @@ def render_verdict_html(report: Report) -> str:
         rows = (Markup("").join(Markup("<td>{}</td>").format(cell) for cell in row) for row in zip(*columns))
         body = Markup("").join(Markup("<tr>{}</tr>").format(row) for row in rows)
         parts.append(Markup(
-            "<table><caption>{}</caption><thead><tr>{}</tr></thead><tbody>{}</tbody></table>"
-        ).format(
+            "<table><caption>{}</caption><thead><tr>{}</tr></thead><tbody>{}</tbody></table>").format(
             table.heading, head, body))
     parts += [Markup("<p>warning: {}</p>").format(item) for item in report.warnings]
     return str(Markup("").join(parts))

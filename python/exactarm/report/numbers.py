@@ -4,8 +4,6 @@ A column of one unit shares one prefix, so that its numbers can be compared at a
 an interval has the digits that the interval allows (two of the half-width); a number without has three.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence
@@ -112,8 +110,7 @@ def quantities(values: Sequence[float | None], unit: str = "") -> list[str]:
 
 
 def change(before: float, after: float, unit: str = "") -> str:
-    """What an error did, for sentences: "falls from 1.93 mm to 0.378 mm", "rises from ...", "stays at 0.378
-    mm"."""
+    """What an error did, for sentences: "falls from 1.93 mm to 0.378 mm", "rises ...", "stays at ..."."""
     if not abs(after - before) > _UNCHANGED * before:
         return f"stays at {quantity(after, unit)}"
     was, now = quantities([before, after], unit)

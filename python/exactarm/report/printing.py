@@ -4,8 +4,6 @@ Returns why it was not printed, "" where it was: a certificate is complete as HT
 failure.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess
@@ -22,18 +20,11 @@ def print_page(page: Path, pdf: Path) -> str:
     browser = next((found for name in BROWSERS if (found := shutil.which(name))), None)
     if browser is None:
         return f"no browser to print with is installed (expected one of {', '.join(BROWSERS[:3])})"
-    root = (
-        ("--no-sandbox",) if hasattr(os, "geteuid") and os.geteuid() == 0 else ()
-    )  # a browser of root's refuses its sandbox
+    # a browser of root's refuses its sandbox
+    root = ["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []
     with tempfile.TemporaryDirectory() as profile:
-        words = [
-            browser,
-            *_FLAGS,
-            *root,
-            f"--user-data-dir={profile}",
-            f"--print-to-pdf={pdf.resolve()}",
-            page.resolve().as_uri(),
-        ]
+        words = [browser, *_FLAGS, *root, f"--user-data-dir={profile}", f"--print-to-pdf={pdf.resolve()}",
+                 page.resolve().as_uri()]
         try:
             done = subprocess.run(words, capture_output=True, timeout=PATIENCE_S)
         except (OSError, subprocess.TimeoutExpired) as error:

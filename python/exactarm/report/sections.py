@@ -161,5 +161,4 @@ def _renamed(section: Section, seen: dict[str, int]) -> Section:
         return section
     seen[section.name] = seen.get(section.name, 0) + 1
     return (
-        section if seen[section.name] == 1 else replace(section, name=f"{section.name}_{seen[section.name]}")
-    )
+        section if seen[section.name] == 1 else replace(section, name=f"{section.name}_{seen[section.name]}"))

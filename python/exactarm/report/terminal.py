@@ -1,7 +1,5 @@
 """A report as terminal text: the verdict first, then the numbers, then the warnings."""
 
-from __future__ import annotations
-
 import re
 import textwrap
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Axes as a sentence names them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 

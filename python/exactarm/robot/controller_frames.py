@@ -10,8 +10,6 @@ For a robot that declares neither, C = F = 1 and the numbers are the same.
 those of the robot file. m, rad.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

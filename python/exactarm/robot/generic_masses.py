@@ -12,8 +12,6 @@ at the flange, 1 to 8 % (tests/python/test_generic_masses.py). Point masses: no 
 rest.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -4,8 +4,6 @@ A revolute axis and a prismatic one have the same fields in other units. Lengths
 given in mm and degrees (`d_mm`, `alpha_deg`) by hand; exactarm itself writes m and rad.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -48,31 +46,25 @@ def _same(field: str, name: str, rule: Rule = ANY, note: str = "") -> Key:
     return Key(field, name, name, rule, note)
 
 
-JOINT_KEYS = (
-    _same("sign", "sign", SIGN, "DH angle = sign * q + zero"),
-    _same("zero", "zero_rad"),
-    _same("d", "d_m"),
-    _same("a", "a_m"),
-    _same("alpha", "alpha_rad"),
-    _same("beta", "beta_rad", note="Hayati: beta is a parameter of this frame, d is not"),
-    Key("q_offset", "q_offset_rad", "q_offset_m", note="q = output angle of the gear + offset"),
-    Key("controller_offset", "controller_offset_rad", "controller_offset_m",
-        note="what the controller takes it for"),
-    Key("ratio", "ratio", "ratio_rad_m", NOT_ZERO, "motor angle / output angle"),
-    Key("controller_ratio", "controller_ratio", "controller_ratio_rad_m", NOT_ZERO,
-        "what the controller takes it for"),
-    Key("spring_linear", "spring_linear_Nm_rad", "spring_linear_N_m", POSITIVE),
-    Key("spring_cubic", "spring_cubic_Nm_rad3", "spring_cubic_N_m3"),
-    _same("rotor_inertia", "rotor_inertia_kg_m2", NOT_NEGATIVE, "motor side"),
-    Key("coulomb", "coulomb_Nm", "coulomb_N", NOT_NEGATIVE, "output side"),
-    Key("viscous", "viscous_Nm_s_rad", "viscous_N_s_m", NOT_NEGATIVE, "output side"),
-    Key("q_min", "q_min_rad", "q_min_m"),
-    Key("q_max", "q_max_rad", "q_max_m"),
-    Key("q_dot_max", "q_dot_max_rad_s", "q_dot_max_m_s", POSITIVE),
-    Key("q_ddot_max", "q_ddot_max_rad_s2", "q_ddot_max_m_s2", POSITIVE),
-    Key("torque_max", "torque_max_Nm", "torque_max_N", POSITIVE, "output side"),
-    _same("torque_constant", "torque_constant_Nm_A", NOT_ZERO, "motor side"),
-)
+JOINT_KEYS = (_same("sign", "sign", SIGN, "DH angle = sign * q + zero"),
+              _same("zero", "zero_rad"), _same("d", "d_m"), _same("a", "a_m"), _same("alpha", "alpha_rad"),
+              _same("beta", "beta_rad", note="Hayati: beta is a parameter of this frame, d is not"),
+              Key("q_offset", "q_offset_rad", "q_offset_m", note="q = output angle of the gear + offset"),
+              Key("controller_offset", "controller_offset_rad", "controller_offset_m",
+                  note="what the controller takes it for"),
+              Key("ratio", "ratio", "ratio_rad_m", NOT_ZERO, "motor angle / output angle"),
+              Key("controller_ratio", "controller_ratio", "controller_ratio_rad_m", NOT_ZERO,
+                  "what the controller takes it for"),
+              Key("spring_linear", "spring_linear_Nm_rad", "spring_linear_N_m", POSITIVE),
+              Key("spring_cubic", "spring_cubic_Nm_rad3", "spring_cubic_N_m3"),
+              _same("rotor_inertia", "rotor_inertia_kg_m2", NOT_NEGATIVE, "motor side"),
+              Key("coulomb", "coulomb_Nm", "coulomb_N", NOT_NEGATIVE, "output side"),
+              Key("viscous", "viscous_Nm_s_rad", "viscous_N_s_m", NOT_NEGATIVE, "output side"),
+              Key("q_min", "q_min_rad", "q_min_m"), Key("q_max", "q_max_rad", "q_max_m"),
+              Key("q_dot_max", "q_dot_max_rad_s", "q_dot_max_m_s", POSITIVE),
+              Key("q_ddot_max", "q_ddot_max_rad_s2", "q_ddot_max_m_s2", POSITIVE),
+              Key("torque_max", "torque_max_Nm", "torque_max_N", POSITIVE, "output side"),
+              _same("torque_constant", "torque_constant_Nm_A", NOT_ZERO, "motor side"))
 GEAR_TABLES = {"cw": "the motor angle falls", "ccw": "the motor angle rises"}
 GEAR_KEYS = {"order": "order_per_output_rev", "a": "a", "b": "b"}
 FRAME_FIELDS = ("sign", "zero", "d", "a", "alpha", "beta")  # of Joint: its geometry

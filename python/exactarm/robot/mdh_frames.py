@@ -8,8 +8,6 @@ of frame i-1, so d = 0, and beta takes the inclination (Hayati and Mirmirani 198
 What the frames cannot carry, before the first axis and behind the last, is left to `base` and `tool`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -23,8 +21,7 @@ ROUNDING = 1e-14  # m, rad: what remains of a zero after a few rotations
 
 @dataclass(frozen=True)
 class Axis:
-    """A joint axis at q = 0 in the root frame: a point on it (m), unit direction of positive q, joint
-    type."""
+    """A joint axis at q = 0 in the root frame: a point on it (m), unit vector of positive q, joint type."""
 
     point: np.ndarray
     direction: np.ndarray
@@ -33,8 +30,7 @@ class Axis:
 
 @dataclass(frozen=True)
 class Chain:
-    """Frames of a chain: base in the root frame, joints, target in frame n, all frames 1..n at q = 0 in the
-    root."""
+    """Frames of a chain: base in the root frame, joints, target in frame n, frames 1..n at q = 0 in it."""
 
     base: Placement
     joints: tuple[Joint, ...]
@@ -106,8 +102,7 @@ def _sign_along(direction: np.ndarray, wanted: np.ndarray) -> float:
 
 
 def _first_frame(axis: Axis) -> Placement:
-    """Frame 0: z along the first axis (upwards), origin on it nearest to the root, x nearest to the root's
-    x."""
+    """Frame 0: z along the first axis (upwards), origin on it nearest to the root, x nearest to its x."""
     z = axis.direction * _sign_along(axis.direction, np.array([0.0, 0.0, 1.0]))
     start = np.array([1.0, 0.0, 0.0]) if abs(z[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
     x = start - z * (z @ start)
@@ -134,8 +129,7 @@ def _denavit_hartenberg(point: np.ndarray, z: np.ndarray) -> dict[str, float | N
 
 
 def _hayati(point: np.ndarray, z: np.ndarray) -> dict[str, float | None]:
-    """The next, nearly parallel axis in the present frame -> frame with its origin in the present x-y
-    plane."""
+    """The next, nearly parallel axis in the present frame -> frame with its origin in that x-y plane."""
     meeting = point - z * (point[2] / z[2])
     a = np.hypot(meeting[0], meeting[1])
     zero, a = _half_turn(np.arctan2(meeting[1], meeting[0]), a) if a > ROUNDING else (0.0, 0.0)
@@ -145,8 +139,7 @@ def _hayati(point: np.ndarray, z: np.ndarray) -> dict[str, float | None]:
 
 
 def _last(target: Placement) -> dict[str, float | None]:
-    """The last frame goes along the last axis to the target's height; with the target's x where it may
-    turn."""
+    """The last frame goes along the last axis to the target's height; with its x where it may turn."""
     x = target.rotation[:, 0]
     zero = np.arctan2(x[1], x[0]) if abs(x[2]) < NEARLY_PARALLEL else 0.0
     return {"zero": zero, "d": target.position[2], "a": 0.0, "alpha": 0.0, "beta": None}

@@ -8,13 +8,11 @@ the triangle inequality of its principal moments follow. P is linear in the ten 
 m c, Ixx, Ixy, Ixz, Iyy, Iyz, Izz).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm.robot.robot import Link, Robot
 
-_ENTRIES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # of the inertia, in the order of the parameters
+ENTRIES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # of the inertia, in the order of the parameters
 _ROUNDING = 1e-9  # of the largest second moment: numbers that were written and read again
 
 
@@ -24,7 +22,7 @@ def _basis() -> np.ndarray:
     basis[0, 3, 3] = 1.0
     for k in range(3):
         basis[1 + k, k, 3] = basis[1 + k, 3, k] = 1.0
-    for k, (i, j) in enumerate(_ENTRIES, start=4):
+    for k, (i, j) in enumerate(ENTRIES, start=4):
         inertia = np.zeros((3, 3))
         inertia[i, j] = inertia[j, i] = 1.0
         basis[k, :3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia
@@ -51,7 +49,7 @@ def of_body(mass: float, centre: np.ndarray, spread: np.ndarray) -> np.ndarray:
 def inertial_parameters(P: np.ndarray) -> np.ndarray:
     """(10,) of a pseudo-inertia: the inverse of `pseudo_inertia`."""
     inertia = np.trace(P[:3, :3]) * np.eye(3) - P[:3, :3]
-    return np.array([P[3, 3], *P[:3, 3], *(inertia[i, j] for i, j in _ENTRIES)])
+    return np.array([P[3, 3], *P[:3, 3], *(inertia[i, j] for i, j in ENTRIES)])
 
 
 def spread_of(link: Link) -> np.ndarray:
@@ -69,6 +67,5 @@ def inconsistencies(robot: Robot) -> tuple[str, ...]:
         elif least < -_ROUNDING * abs(largest):
             moments = ", ".join(f"{value:.3g}" for value in np.linalg.eigvalsh(link.inertia))
             found.append(
-                f"link {number} has the principal moments of inertia {moments} kg m2: no body has these"
-            )
+                f"link {number} has the principal moments of inertia {moments} kg m2: no body has these")
     return tuple(found)

@@ -34,8 +34,7 @@ Frame = Literal["base", "device"]
 
 @dataclass(frozen=True, eq=False)
 class GearTable(Value):
-    """Harmonics of u(phi) in one direction: order [cycles per output revolution], a, b (relative), each
-    (m,)."""
+    """Harmonics of u(phi) in one direction: order [cycles per output turn], a, b (relative), each (m,)."""
 
     order: np.ndarray = field(default_factory=lambda: np.zeros(0))
     a: np.ndarray = field(default_factory=lambda: np.zeros(0))
@@ -105,8 +104,7 @@ class Joint(Value):
             "gear": _core.Gear(gear, *((table or GearTable()).core() for table in (self.cw, self.ccw))),
             "spring": _core.Spring(self.spring_linear or 0.0, self.spring_cubic),
             "drive": _core.Drive(self.rotor_inertia or 0.0, motor=motor),
-            "limits": _core.Limits(**limits),
-        }
+            "limits": _core.Limits(**limits)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,8 +227,7 @@ class Robot(Value):
 
     @property
     def with_controller_frames(self) -> Robot:
-        """The same with its frames on record as the controller's, unless others are: to be kept before they
-        change."""
+        """The same with its frames kept as the controller's, unless others are: before they change."""
         if self.controller.frames or not self.has_geometry:
             return self
         return replace(self, controller=replace(self.controller, frames=tuple(map(frame_of, self.joints))))
@@ -339,15 +336,13 @@ def _numbers(name: str, values: ArrayLike, shape: tuple[int, ...]) -> np.ndarray
 
 
 class ReportedAngles(Protocol):
-    """Kinematics and torques at the angles that a controller reports: chain/controller.py, which lies above a
-    robot."""
+    """Kinematics and torques at the angles that a controller reports: chain/controller.py, above a robot."""
 
     def forward(self, robot: Robot, q: np.ndarray, of: Point,
                 seen_from: Frame) -> tuple[np.ndarray, np.ndarray]: ...
     def jacobian(self, robot: Robot, q: np.ndarray, of: Point, seen_from: Frame) -> np.ndarray: ...
     def inverse(self, robot: Robot, position: np.ndarray, rotation: np.ndarray, start: np.ndarray | None,
-                of: Point,
-                seen_from: Frame) -> np.ndarray: ...
+                of: Point, seen_from: Frame) -> np.ndarray: ...
     def inverse_dynamics(self, robot: Robot, q: np.ndarray, q_dot: np.ndarray,
                          q_ddot: np.ndarray) -> np.ndarray: ...
 
@@ -356,8 +351,7 @@ _provided: list[Callable[[], ReportedAngles]] = []
 
 
 def provide(source: Callable[[], ReportedAngles]) -> None:
-    """Called once, by a module above the chain (robot_file.py); `source` imports what it gives when it is
-    called."""
+    """Called once, by a module above the chain (robot_file.py); `source` imports when it is called."""
     _provided.append(source)
 
 

@@ -10,8 +10,6 @@ Source of the format: files in public use; the maker does not document it. Limit
 were.
 """
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -34,18 +32,15 @@ def read_ur_calibration(path: str | Path, nominal: Robot) -> Robot:
     """The nominal robot with the frames of the file."""
     deltas = _deltas(path, nominal.axes)
     if any(joint.type != "revolute" or joint.sign != 1.0 for joint in nominal.joints):
-        raise InputError(
-            f"robot {nominal.name} has other axes than an arm of Universal Robots; expected a "
-            "nominal file of one, as calibration.conf#ur10",
-            file=path,
-        )
+        raise InputError(f"robot {nominal.name} has other axes than an arm of Universal Robots; expected a "
+                         "nominal file of one, as calibration.conf#ur10",
+                         file=path)
     if not like_universal_robots(np.array([frame.rotation[:, 2] for frame in
                                            _frames(nominal, np.zeros((4, nominal.axes)))[:-1]])):
         raise InputError(
             f"robot {nominal.name} is not built as an arm of Universal Robots (axes 2, 3, 4 parallel, right "
             "angles between the others); expected the nominal file of one, as calibration.conf#ur10",
-            file=path,
-        )
+            file=path)
     drawn, calibrated = _frames(nominal, np.zeros((4, nominal.axes))), _frames(nominal, deltas)
     axes = [Axis(frame.position, frame.rotation[:, 2]) for frame in calibrated[:-1]]
     chain = mdh_chain(axes, calibrated[-1])
@@ -54,41 +49,21 @@ def read_ur_calibration(path: str | Path, nominal: Robot) -> Robot:
         raise InputError(
             f"puts the flange {1e3 * away:.0f} mm from that of {nominal.name} at zero; expected less than "
             f"{1e3 * FARTHEST_M:g} mm: is it another arm's, or are its delta_d not complete?",
-            file=path,
-        )
+            file=path)
     joints = tuple(
-        replace(
-            joint,
-            **{name: getattr(frame, name) for name in ("sign", "zero", "d", "a", "alpha", "beta")},
-            q_offset=0.0,
-            controller_offset=None,
-        )
-        for joint, frame in zip(nominal.joints, chain.joints, strict=True)
-    )
+        replace(joint, **{name: getattr(frame, name) for name in ("sign", "zero", "d", "a", "alpha", "beta")},
+                q_offset=0.0, controller_offset=None)
+        for joint, frame in zip(nominal.joints, chain.joints, strict=True))
     links = None
     if nominal.links is not None:
-        links = tuple(
-            merged_link([(link, relative(new, old))])
-            for link, new, old in zip(nominal.links, chain.frames, drawn[1:], strict=True)
-        )
-    controller = Controller(
-        frames=tuple(map(frame_of, joints)),
-        base=chain.base,
-        flange=chain.tool,
-        chain="calibrated",
-        joint_names=nominal.controller.joint_names,
-        coupling=nominal.controller.coupling,
-    )
-    return replace(
-        nominal,
-        joints=joints,
-        links=links,
-        controller=controller,
-        gravity=chain.base.rotation.T @ nominal.gravity,
-        base=compose(nominal.base, chain.base),
-        tool=compose(chain.tool, nominal.tool),
-        file=str(path),
-    )
+        links = tuple(merged_link([(link, relative(new, old))])
+                      for link, new, old in zip(nominal.links, chain.frames, drawn[1:], strict=True))
+    controller = Controller(frames=tuple(map(frame_of, joints)), base=chain.base, flange=chain.tool,
+                            chain="calibrated", joint_names=nominal.controller.joint_names,
+                            coupling=nominal.controller.coupling)
+    return replace(nominal, joints=joints, links=links, controller=controller,
+                   gravity=chain.base.rotation.T @ nominal.gravity, base=compose(nominal.base, chain.base),
+                   tool=compose(chain.tool, nominal.tool), file=str(path))
 
 
 def like_universal_robots(axes: np.ndarray) -> bool:
@@ -105,8 +80,7 @@ def _frames(robot: Robot, deltas: np.ndarray) -> list[Placement]:
     for joint, offset, (theta, a, d, alpha) in zip(robot.joints, robot.offsets, deltas.T, strict=True):
         place = compose(place, Placement(rotation_z(offset + theta)))
         place = compose(
-            place, frame_at_zero(replace(joint, d=joint.d + d, a=joint.a + a, alpha=joint.alpha + alpha))
-        )
+            place, frame_at_zero(replace(joint, d=joint.d + d, a=joint.a + a, alpha=joint.alpha + alpha)))
         out.append(place)
     return out
 
@@ -131,14 +105,10 @@ def _deltas(path: str | Path, axes: int) -> np.ndarray:
         except ValueError:
             raise InputError(f"{match[1]}: expected {axes} numbers in [ ]", file=path, line=number) from None
         if len(found[match[1]]) != axes or not np.all(np.isfinite(found[match[1]])):
-            raise InputError(
-                f"{match[1]} has {len(found[match[1]])} numbers; expected {axes}, finite",
-                file=path,
-                line=number,
-            )
+            raise InputError(f"{match[1]} has {len(found[match[1]])} numbers; expected {axes}, finite",
+                             file=path, line=number)
     missing = [key for key in KEYS if key not in found]
     if missing:
         raise InputError(
-            f"{missing[0]} is missing; expected {', '.join(KEYS)}, each = [{axes} numbers]", file=path
-        )
+            f"{missing[0]} is missing; expected {', '.join(KEYS)}, each = [{axes} numbers]", file=path)
     return np.array([found[key] for key in KEYS])

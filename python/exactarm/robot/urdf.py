@@ -11,8 +11,6 @@ target). The joint angle of the written file is the one that the controller repo
 offsets stand in the joints' origins. What URDF cannot carry is listed in a comment.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
@@ -77,25 +75,13 @@ def _joint(geometry: Joint, source: UrdfJoint) -> Joint:
     if limits[0] is not None and limits[1] is not None and limits[0] >= limits[1]:
         limits = (None, None)
     fields = {name: getattr(geometry, name) for name in ("type", "sign", "zero", "d", "a", "alpha", "beta")}
-    return Joint(
-        **fields,
-        ratio=numbers.get("ratio"),
-        coulomb=numbers.get("friction"),
-        viscous=numbers.get("damping"),
-        q_min=limits[0],
-        q_max=limits[1],
-        q_dot_max=declared("velocity"),
-        torque_max=declared("effort"),
-    )
+    return Joint(**fields, ratio=numbers.get("ratio"), coulomb=numbers.get("friction"),
+                 viscous=numbers.get("damping"), q_min=limits[0], q_max=limits[1],
+                 q_dot_max=declared("velocity"), torque_max=declared("effort"))
 
 
-def _links(
-    tree: UrdfTree,
-    way: tuple[UrdfJoint, ...],
-    moving: list[UrdfJoint],
-    places: dict[str, Placement],
-    frames: tuple[Placement, ...],
-) -> tuple[Link, ...] | None:
+def _links(tree: UrdfTree, way: tuple[UrdfJoint, ...], moving: list[UrdfJoint], places: dict[str, Placement],
+           frames: tuple[Placement, ...]) -> tuple[Link, ...] | None:
     """Mass properties of each moving link with all that is fixed to it, in its DH frame."""
     on_the_way = {joint.child for joint in moving}
     bodies: list[list[str]] = []
@@ -108,20 +94,16 @@ def _links(
         bodies.append(body)
     if not any(link in tree.inertials for body in bodies for link in body):
         return None
-    return tuple(
-        merged_link((tree.inertials[link], relative(frame, places[link]))
-                    for link in body if link in tree.inertials)
-        for body, frame in zip(bodies, frames)
-    )
+    return tuple(merged_link((tree.inertials[link], relative(frame, places[link]))
+                             for link in body if link in tree.inertials)
+                 for body, frame in zip(bodies, frames))
 
 
 def merged_link(parts: Iterable[tuple[Link, Placement]]) -> Link:
     """Several rigid bodies as one: mass properties of each in its own frame, and that frame's placement."""
-    moved = [
-        Link(part.mass, place.rotation @ part.centre_of_mass + place.position,
-             place.rotation @ part.inertia @ place.rotation.T)
-        for part, place in parts
-    ]
+    moved = [Link(part.mass, place.rotation @ part.centre_of_mass + place.position,
+                  place.rotation @ part.inertia @ place.rotation.T)
+             for part, place in parts]
     mass = sum(part.mass for part in moved)
     weighted = sum((part.mass * part.centre_of_mass for part in moved), np.zeros(3))
     centre = weighted / mass if mass > 0.0 else np.zeros(3)
@@ -182,13 +164,9 @@ def _moving(number: int, joint: Joint, robot: Robot, before: Placement, parent: 
     along = np.array([0.0, 0.0, joint.sign * shift if prismatic else 0.0])
     start = Placement(rotation_z(joint.zero + (0.0 if prismatic else joint.sign * shift)), along)
     kind = "prismatic" if prismatic else "revolute" if limited else "continuous"
-    lines = [
-        f'  <joint name="joint_{number}" type="{kind}">',
-        f'    <parent link="{parent}"/>',
-        f'    <child link="link_{number}"/>',
-        f"    {_origin(compose(before, start))}",
-        f'    <axis xyz="0 0 {int(joint.sign)}"/>',
-    ]
+    lines = [f'  <joint name="joint_{number}" type="{kind}">',
+             f'    <parent link="{parent}"/>', f'    <child link="link_{number}"/>',
+             f"    {_origin(compose(before, start))}", f'    <axis xyz="0 0 {int(joint.sign)}"/>']
     numbers = {"velocity": joint.q_dot_max or NOT_DECLARED, "effort": joint.torque_max or NOT_DECLARED}
     if limited:
         numbers = {"lower": joint.q_min - shift, "upper": joint.q_max - shift} | numbers
@@ -207,15 +185,11 @@ def _link(number: int, link: Link | None, behind: Placement) -> list[str]:
     inertia = behind.rotation @ link.inertia @ behind.rotation.T
     centre = behind.rotation @ link.centre_of_mass + behind.position
     names = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-    return [
-        f'  <link name="link_{number}">',
-        "    <inertial>",
-        f"      {_origin(Placement(position=centre))}",
-        f"      <mass {_attributes({'value': link.mass})}/>",
-        f"      <inertia {_attributes({name: inertia[at] for name, at in names.items()})}/>",
-        "    </inertial>",
-        "  </link>",
-    ]
+    return [f'  <link name="link_{number}">', "    <inertial>",
+            f"      {_origin(Placement(position=centre))}",
+            f"      <mass {_attributes({'value': link.mass})}/>",
+            f"      <inertia {_attributes({name: inertia[at] for name, at in names.items()})}/>",
+            "    </inertial>", "  </link>"]
 
 
 def _fixed(name: str, parent: str, child: str, placement: Placement) -> list[str]:
@@ -232,8 +206,7 @@ def _transmission(number: int, joint: Joint) -> list[str]:
         f'    <joint name="joint_{number}"/>',
         '    <actuator '
         f'name="motor_{number}"><mechanicalReduction>{float(joint.ratio)!r}</mechanicalReduction></actuator>',
-        "  </transmission>",
-    ]
+        "  </transmission>"]
 
 
 def _attributes(numbers: dict[str, float]) -> str:
@@ -247,8 +220,7 @@ def _origin(placement: Placement) -> str:
 
 
 def roll_pitch_yaw(rotation: np.ndarray) -> tuple[float, float, float]:
-    """Angles with Rot_z(yaw) Rot_y(pitch) Rot_x(roll) = rotation, to rounding also where pitch is +-90
-    degrees."""
+    """Angles with Rot_z(yaw) Rot_y(pitch) Rot_x(roll) = rotation, to rounding also at pitch +-90 degrees."""
     yaw = np.arctan2(rotation[1, 0], rotation[0, 0])
     # The other two are taken from what yaw leaves, so an arbitrary yaw at +-90 degrees costs no accuracy.
     rest = rotation_z(yaw).T @ rotation

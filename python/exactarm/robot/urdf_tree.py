@@ -4,8 +4,6 @@ Angles in rad, lengths in m, as URDF has them. Refused, with a line that names f
 joint between unknown links, more than one root, a loop, numbers that are none, a chain that branches.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as xml
 from collections import Counter
 from collections.abc import Iterable
@@ -49,8 +47,7 @@ class UrdfTree:
     inertials: dict[str, Link]
 
     def chain(self, base: str | None = None, tip: str | None = None) -> tuple[UrdfJoint, ...]:
-        """The joints from `base` to `tip`, by themselves the root and the end of the only chain that
-        moves."""
+        """The joints from `base` to `tip`; by default the root and the end of the only chain that moves."""
         for given in (base, tip):
             if given is not None and given not in self.children:
                 raise InputError(f"no link {given!r}; expected one of {_listed(self.children)}",
@@ -61,8 +58,7 @@ class UrdfTree:
             if joint.type not in (*MOVING, "fixed"):
                 message = (
                     f"joint {joint.name}: type {joint.type!r}; expected revolute, continuous, prismatic or "
-                    "fixed"
-                )
+                    "fixed")
                 raise InputError(message, file=self.path)
         if not any(joint.type in MOVING for joint in way):
             raise InputError("no joint moves between base and tip; expected at least one", file=self.path)
@@ -85,11 +81,8 @@ class UrdfTree:
             if len(ways) > 1:
                 tips = [tip for joint in ways for tip in self.ends(joint.child)]
                 tips = [link, *tips] if any(joint.type in MOVING for joint in way) else tips
-                name = Path(self.path).name
-                message = (
-                    f"the chain branches at link {link}; expected a tip, as in {name}#TIP, of {_listed(tips)}"
-                )
-                raise InputError(message, file=self.path)
+                raise InputError(f"the chain branches at link {link}; expected a tip, as in "
+                                 f"{Path(self.path).name}#TIP, of {_listed(tips)}", file=self.path)
             if not ways:
                 return (*way, *self._way_to(link, self._fixed_end(link)))
             way.append(ways[0])
@@ -108,8 +101,7 @@ class UrdfTree:
         return [joint.child for joint in self._below(link) if not self.children[joint.child]] or [link]
 
     def _below(self, link: str) -> list[UrdfJoint]:
-        """All joints below `link`, depth first in the order of the file; without recursion, for a chain may
-        be long."""
+        """All joints below `link`, depth first in the file's order; a chain may be too long for recursion."""
         found, todo = [], list(reversed(self.children[link]))
         while todo:
             joint = todo.pop()
@@ -155,8 +147,8 @@ def read_tree(path: str | Path, content: bytes | None = None) -> UrdfTree:
     carried: dict[str, list[UrdfJoint]] = {name: [] for name in links}
     for joint in joints:
         carried[joint.parent].append(joint)
-    children, ends = {name: tuple(below)
-                      for name, below in carried.items()}, {joint.child for joint in joints}
+    children = {name: tuple(below) for name, below in carried.items()}
+    ends = {joint.child for joint in joints}
     root = next(name for name in links if name not in ends)
     masses = {name: link for name, link in inertials.items() if link is not None}
     return UrdfTree(str(path), robot.get("name") or Path(path).stem, root, children, masses)
@@ -267,8 +259,7 @@ class _TreeReader:
                 out[joint.get("name")] = 0.0
             if not (np.isfinite(out[joint.get("name")]) and out[joint.get("name")]):
                 message = (
-                    f"transmission of joint {joint.get('name')}: {reduction.text!r}; expected a gear ratio"
-                )
+                    f"transmission of joint {joint.get('name')}: {reduction.text!r}; expected a gear ratio")
                 raise InputError(message, file=self.path)
         # A reduction of 1 is what description files say where nobody looked.
         return {name: ratio for name, ratio in out.items() if ratio != 1.0}

@@ -1,7 +1,5 @@
 """Robot -> readable `.toml`, units in names, exact to the last bit; written whole or not at all."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterable, Mapping
@@ -79,8 +77,7 @@ def _top(robot: Robot) -> str:
         "gravity_m_s2": f"in {'DH frame 0' if apart(robot.controller) else 'the robot base frame'}",
         "has_geometry": "only the drives are known",
         "mass_kg": "of the whole arm",
-        "generic_masses": "the links below are no declaration: derived from the geometry, for loads at rest",
-    }
+        "generic_masses": "the links below are no declaration: derived from the geometry, for loads at rest"}
     return "\n".join(_line(key, value, comments.get(key, "")) for key, value in values.items())
 
 
@@ -97,18 +94,15 @@ def _controller(controller: Controller) -> list[str]:
     plain = Controller()
     values = {
         name: value for name in ("chain", "absolute_accuracy", "coupling", "pulses_per_rad", "joint_names")
-        if (value := getattr(controller, name)) != getattr(plain, name)
-    }
+        if (value := getattr(controller, name)) != getattr(plain, name)}
     blocks = _table("controller", values, "What the controller works with, whatever a calibration has found.")
     blocks += _placement("controller.base", controller.base, "DH frame 0 in the controller's base frame.")
     blocks += _placement("controller.flange", controller.flange,
                          "The controller's flange in the last DH frame.")
     for number, frame in enumerate(controller.frames, start=1):
-        values = {
-            key.name(frame.type): value for key in JOINT_KEYS
-            if key.field in FRAME_FIELDS and (value := getattr(frame, key.field)) is not None
-            and not (key.field == "d" and frame.beta is not None)
-        }
+        values = {key.name(frame.type): value for key in JOINT_KEYS
+                  if key.field in FRAME_FIELDS and (value := getattr(frame, key.field)) is not None
+                  and not (key.field == "d" and frame.beta is not None)}
         blocks.append(_lines("[[controller.frames]]", values, f"# Frame {number} as the controller has it"))
     return blocks
 

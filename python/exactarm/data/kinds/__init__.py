@@ -4,8 +4,6 @@
     gear_run, motion, tracked_motion    several may be in one file; the first is analysed first
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from exactarm.data.kinds.base import Device, Kind, file_of
@@ -36,8 +34,7 @@ def kind_of(name: str) -> Kind:
 
 
 def data_kinds(data: Rows, robot: Robot, name: str | None = None) -> dict[str, Any]:
-    """`kind`, `kinds`, `session` and `notes` of a data set; raises InputError where the columns do not admit
-    one."""
+    """`kind`, `kinds`, `session`, `notes` of a data set; raises InputError where the columns admit none."""
     if name is not None and name not in _BY_NAME:
         raise InputError(f"unknown kind of data {name!r}; expected one of {', '.join(KIND_NAMES)}")
     kinds = (_BY_NAME[name],) if name is not None else _from_columns(data)
@@ -54,13 +51,11 @@ _NAMES_SHOWN, _LETTERS_SHOWN = 3, 30  # of columns, in a refusal of one line
 def _from_columns(data: Rows) -> tuple[Kind, ...]:
     held = [kind for kind in _IN_ORDER if kind.held_by(data)]
     if not held:
-        raise InputError(
-            "no measured quantity; expected x, y, z (poses), socket, plane, sphere, bar, pair, "
-            "tilt_x_rad, accel_x_m_s2 or u_px (closures), "
-            "gyro_x, gyro_y, gyro_z or theta_i beside q_i "
-            "(gear run), or tau_i, tau_motor_i or current_i (motion)" + _other_names(data),
-            file=file_of(data),
-        )
+        raise InputError("no measured quantity; expected x, y, z (poses), socket, plane, sphere, bar, pair, "
+                         "tilt_x_rad, accel_x_m_s2 or u_px (closures), "
+                         "gyro_x, gyro_y, gyro_z or theta_i beside q_i "
+                         "(gear run), or tau_i, tau_motor_i or current_i (motion)" + _other_names(data),
+                         file=file_of(data))
     return (held[0],) if held[0].alone else tuple(held)
 
 

@@ -13,8 +13,6 @@ carry a time as well, so beside x, y, z steps count as a time series only up to 
 that only static poses have (`visit`, `approach`).
 """
 
-from __future__ import annotations
-
 from difflib import get_close_matches
 from enum import Enum
 from typing import ClassVar

@@ -2,8 +2,6 @@
 sensor on the flange feels gravity (tilt_x, tilt_y; accel_x, accel_y, accel_z), a camera sees a board (u, v,
 picture, corner) or another arm is touched (partner_q_i)."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm.data.columns import PICTURE
@@ -50,11 +48,9 @@ class _Closures(Kind):
             tracked = ~np.isnan(data.position).any(axis=1)
         if not (touched | tracked).all():
             at = int(np.argmin(touched | tracked))
-            raise InputError(
-                "neither a contact nor x, y, z; expected one of them in every row",
-                file=file_of(data, data.file_index[at]), row=int(data.row[at]),
-                column=next(iter(data.contacts)),
-            )
+            raise InputError("neither a contact nor x, y, z; expected one of them in every row",
+                             file=file_of(data, data.file_index[at]), row=int(data.row[at]),
+                             column=next(iter(data.contacts)))
 
 
 CLOSURES = _Closures()

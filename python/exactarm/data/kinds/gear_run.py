@@ -1,11 +1,9 @@
 """Gear runs: a time series of axes that turn, with a gyroscope behind the gears, or with encoders on both
 sides of them (theta_i beside q_i)."""
 
-from __future__ import annotations
-
 import numpy as np
 
-from exactarm.data.kinds.base import STANDS_STILL, Device, Kind, check_time, file_of, has
+from exactarm.data.kinds.base import STANDS_STILL, Device, Kind, check_time, file_of, has, rows_of_runs
 from exactarm.data.kinds.gear_set_ups import set_ups_of_gyroscope
 from exactarm.data.rows import Rows
 from exactarm.errors import InputError
@@ -44,12 +42,10 @@ class _GearRun(Kind):
 
     def alike(self, data: Rows) -> list[np.ndarray]:
         """By which axes move and which way."""
-        runs = np.unique(data.run)
         theta = np.nan_to_num(data.joints["theta"])
         sorts: dict[tuple[int, ...], list[int]] = {}
-        order = np.argsort(data.run, kind="stable")
-        for run, rows in zip(runs, np.split(order, np.flatnonzero(np.diff(data.run[order])) + 1)):
-            sorts.setdefault(_sort_of_motion(theta[rows]), []).append(run)
+        for rows in rows_of_runs(data):
+            sorts.setdefault(_sort_of_motion(theta[rows]), []).append(data.run[rows[0]])
         return [np.array(members) for _, members in sorted(sorts.items())]
 
 

@@ -6,8 +6,6 @@ its own, unless the readings say that the gyroscope sits on the link of the movi
 matters: then d is the same.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm.data.kinds.base import STANDS_STILL, rows_of_runs

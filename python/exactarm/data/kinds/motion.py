@@ -1,7 +1,5 @@
 """Motions with the torques of the drives: a time series with tau_i, tau_motor_i or current_i."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from exactarm.data.kinds.base import Device, Kind, check_joints, check_time, file_of

@@ -1,7 +1,5 @@
 """Poses at rest, each seen by a tracker: x, y, z (with or without an orientation), no time series."""
 
-from __future__ import annotations
-
 from exactarm.data.kinds.base import Device, Kind, check_positions, is_a_series
 from exactarm.data.rows import Rows
 from exactarm.robot.robot import Robot

@@ -1,7 +1,5 @@
 """Tracked motions: a time series in which a tracker follows the target, x, y, z."""
 
-from __future__ import annotations
-
 from exactarm.data.kinds.base import Device, Kind, check_positions, check_time
 from exactarm.data.rows import Rows
 from exactarm.robot.robot import Robot

@@ -1,7 +1,5 @@
 """The arm in space with the error of every measured pose as an arrow, before and after."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure

@@ -1,78 +1,55 @@
 """Curves over time or any other abscissa, one panel or one per axis of the robot."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from exactarm.report.plots.style import CYCLE, label_with, legend_above, new_figure, scaled
+from exactarm.report.plots.style import CYCLE, label_with, legend_above, new_figure, panel_per_axis, scaled
 
 MOST_POINTS = 2000
 LEAST_RANGE = 1e-3  # of the largest value of all axes: an axis that stands still is drawn so
 
 
-def curves(x: np.ndarray, traces: Mapping[str, np.ndarray], *, unit: str = "", name: str = "",
-           x_name: str = "time",
-           x_unit: str = "s", log_x: bool = False, log_y: bool = False, markers: bool = False) -> Figure:
-    """Traces label -> (N,) over one abscissa (N,); long ones are thinned to their envelope."""
+def curves(time: np.ndarray, traces: Mapping[str, np.ndarray], *, unit: str = "", name: str = "",
+           log_y: bool = False) -> Figure:
+    """Traces label -> (N,) over one time (N,) s; long ones are thinned to their envelope."""
     size, shown = scaled(np.concatenate([np.ravel(trace) for trace in traces.values()]), unit)
     figure = new_figure(3.4)
     axes = figure.subplots()
     for label, trace in traces.items():
-        axes.plot(*envelope(x, np.asarray(trace) / size), label=label, marker="o" if markers else None,
-                  markersize=4)
-    axes.set(xlabel=label_with(x_name, x_unit), ylabel=label_with(name, shown))
-    axes.set_xscale("log" if log_x else "linear")
-    axes.set_yscale("log" if log_y else "linear")
-    if not log_x and len(x):
-        axes.margins(x=0.01)
+        axes.plot(*envelope(time, np.asarray(trace) / size), label=label)
+    axes.set(xlabel="time [s]", ylabel=label_with(name, shown), yscale="log" if log_y else "linear")
+    axes.margins(x=0.01)
     legend_above(axes)
     return figure
 
 
 def curves_per_axis(x: np.ndarray, traces: Mapping[str, np.ndarray], *, unit: str, name: str,
-                    x_name: str = "time",
-                    x_unit: str = "s", log_x: bool = False, log_y: bool = False,
-                    colours: tuple[str, ...] = CYCLE) -> Figure:
-    """Traces label -> (N, n): one panel per axis of the robot, all with the same unit, each with its own
-    range."""
+                    x_name: str = "time", x_unit: str = "s", log_x: bool = False,
+                    log_y: bool = False) -> Figure:
+    """Traces label -> (N, n): one panel per axis of the robot, all of one unit, each with its own range."""
     size, shown = scaled(np.concatenate([np.ravel(trace) for trace in traces.values()]), unit)
     count = next(iter(traces.values())).shape[1]
     largest = max(np.nanmax(np.abs(trace), initial=0.0) for trace in traces.values()) / size
     least = LEAST_RANGE * float(largest)
-    columns = min(count, 3)
-    lines = -(-count // columns)
-    figure = new_figure(0.6 + 1.75 * lines)
-    panels = figure.subplots(lines, columns, sharex=True, sharey=log_y, squeeze=False)
-    for index, axes in enumerate(panels.flat):
-        if index >= count:
-            axes.set_visible(False)
-            continue
-        for (label, trace), colour in zip(traces.items(), colours):
+    figure, panels = panel_per_axis(count, 0.6, 1.75, log_y, label_with(x_name, x_unit),
+                                    label_with(name, shown))
+    for index, axes in enumerate(panels):
+        for (label, trace), colour in zip(traces.items(), CYCLE):
             axes.plot(*envelope(x, trace[:, index] / size), label=label, color=colour, linewidth=1.0)
-        axes.set_title(f"axis {index + 1}")
-        axes.set_xscale("log" if log_x else "linear")
-        axes.set_yscale("log" if log_y else "linear")
+        axes.set(xscale="log" if log_x else "linear", yscale="log" if log_y else "linear")
         low, high = axes.get_ylim()
         if not log_y and high - low < least:
             axes.set_ylim(0.5 * (low + high - least), 0.5 * (low + high + least))
-        if index >= count - columns:
-            axes.set_xlabel(label_with(x_name, x_unit))
-            axes.tick_params(labelbottom=True)
-    for row in panels:
-        row[0].set_ylabel(label_with(name, shown))
-    figure.align_ylabels(panels[:, 0])
+    figure.align_ylabels(panels[:: min(count, 3)])
     if len(traces) > 1:
-        figure.legend(*panels.flat[0].get_legend_handles_labels(), loc="outside upper right",
-                      ncols=len(traces))
+        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper right", ncols=len(traces))
     return figure
 
 
 def envelope(x: np.ndarray, y: np.ndarray, most: int = MOST_POINTS) -> tuple[np.ndarray, np.ndarray]:
-    """The same curve with at most `most` points: of each block its lowest and highest point, in their
-    order."""
+    """The same curve with at most `most` points: of each block its lowest and highest, in their order."""
     x, y = np.asarray(x, float), np.asarray(y, float)
     if len(x) <= most:
         return x, y

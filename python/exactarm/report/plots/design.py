@@ -1,7 +1,5 @@
 """How an exchange of poses raises the observability."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,8 +1,6 @@
 """What each found effect does: its curve with band over its own signal, and the sizes of all of them at the
 tool."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -11,17 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from exactarm.report.numbers import number
-from exactarm.report.plots.style import (
-    AFTER,
-    BEFORE,
-    FLOOR,
-    INK,
-    RASTER_ABOVE,
-    VALIDATION,
-    label_with,
-    new_figure,
-    scaled,
-)
+from exactarm.report.plots import style
 
 COLUMNS, PANEL_IN, ROW_IN = 2, 2.05, 0.24
 _GAP_SHARE = 0.03  # of the signal's range without a measured row, over which no curve is drawn
@@ -59,7 +47,7 @@ def effect_panels(panels: Sequence[EffectPanel]) -> Figure:
     """Small multiples, in the order given; each has its own abscissa."""
     columns = min(COLUMNS, len(panels))
     lines = -(-len(panels) // columns)
-    figure = new_figure(0.45 + PANEL_IN * lines)
+    figure = style.new_figure(0.45 + PANEL_IN * lines)
     axes = figure.subplots(lines, columns, squeeze=False).ravel()
     for place, panel in zip(axes, panels):
         _draw(place, panel)
@@ -75,37 +63,34 @@ def effect_panels(panels: Sequence[EffectPanel]) -> Figure:
 
 
 def _draw(axes: Axes, panel: EffectPanel) -> None:
-    x_size, x_shown = scaled(panel.x, panel.signal_unit)
-    size, shown = scaled(panel.without if panel.same else panel.value, panel.unit)
+    x_size, x_shown = style.scaled(panel.x, panel.signal_unit)
+    size, shown = style.scaled(panel.without if panel.same else panel.value, panel.unit)
     x = panel.x / x_size
     levels, wide = _levels(x)
     spread = x + wide * np.linspace(-1.0, 1.0, len(x))[np.argsort(np.arange(len(x)) * _GOLDEN % 1.0)]
-    raster = len(x) > RASTER_ABOVE
+    raster = len(x) > style.RASTER_ABOVE
     if panel.same or not panel.curve:
-        axes.plot(spread, panel.without / size, ".", color=BEFORE, markersize=3.4, alpha=0.75,
+        axes.plot(spread, panel.without / size, ".", color=style.BEFORE, markersize=3.4, alpha=0.75,
                   markeredgewidth=0.0, rasterized=raster, label="error without it")
     if not panel.curve:
-        axes.plot(spread, panel.with_ / size, ".", color=AFTER, markersize=3.0, markeredgewidth=0.0,
-                  rasterized=raster,
-                  label="error with it")
+        axes.plot(spread, panel.with_ / size, ".", color=style.AFTER, markersize=3.0, markeredgewidth=0.0,
+                  rasterized=raster, label="error with it")
     elif not wide and _spikes(panel.x, panel.value):
-        axes.plot(x, panel.value / size, ".", color=AFTER, markersize=3.0, markeredgewidth=0.0,
+        axes.plot(x, panel.value / size, ".", color=style.AFTER, markersize=3.0, markeredgewidth=0.0,
                   rasterized=raster, label="effect")
     elif wide:
         _steps(axes, panel, x, levels, wide, size)
     else:
         _curve(axes, panel, x, size)
-    axes.plot(x, np.zeros_like(x), "|", color=FLOOR, markersize=5, markeredgewidth=0.5, rasterized=raster,
-              label="measured at",
-              transform=axes.get_xaxis_transform(), clip_on=False)
+    axes.plot(x, np.zeros_like(x), "|", color=style.FLOOR, markersize=5, markeredgewidth=0.5,
+              rasterized=raster, label="measured at", transform=axes.get_xaxis_transform(), clip_on=False)
     drawn = np.concatenate([np.abs(panel.without) if panel.same or not panel.curve else np.zeros(1),
                             np.abs(panel.value) + panel.half if panel.curve else np.zeros(1)]) / size
-    top = (
-        1.15 * float(max(np.percentile(drawn, _SHOWN),
-                         np.max(np.abs(panel.value)) / size if panel.curve else 0.0)) or 1.0
-    )
+    top = (1.15 * float(max(np.percentile(drawn, _SHOWN),
+                            np.max(np.abs(panel.value)) / size if panel.curve else 0.0)) or 1.0)
     before, after = (np.sqrt(np.mean(np.square(values))) for values in (panel.without, panel.with_))
-    axes.set(ylim=(-top, top), xlabel=label_with(panel.signal, x_shown), ylabel=f"[{shown}]" if shown else "")
+    axes.set(ylim=(-top, top), xlabel=style.label_with(panel.signal, x_shown),
+             ylabel=f"[{shown}]" if shown else "")
     if wide:
         axes.set_xticks(levels)
     else:
@@ -138,9 +123,9 @@ def _steps(axes: Axes, panel: EffectPanel, x: np.ndarray, levels: np.ndarray, wi
     """Effect and band at each level of the signal."""
     for place, level in enumerate(levels):
         value, half = (np.mean(values[x == level]) / size for values in (panel.value, panel.half))
-        axes.fill_between([level - wide, level + wide], value - half, value + half, color=AFTER, alpha=0.25,
-                          linewidth=0.0, label="95 % band" if place == 0 else None)
-        axes.plot([level - wide, level + wide], [value, value], color=AFTER, linewidth=1.4,
+        axes.fill_between([level - wide, level + wide], value - half, value + half, color=style.AFTER,
+                          alpha=0.25, linewidth=0.0, label="95 % band" if place == 0 else None)
+        axes.plot([level - wide, level + wide], [value, value], color=style.AFTER, linewidth=1.4,
                   label="effect" if place == 0 else None)
 
 
@@ -149,24 +134,23 @@ def _curve(axes: Axes, panel: EffectPanel, x: np.ndarray, size: float) -> None:
     breaks = np.flatnonzero(np.diff(x) > _GAP_SHARE * max(float(np.ptp(x)), 1e-300)) + 1
     for place, rows in enumerate(np.split(np.arange(len(x)), breaks)):
         low, high = ((panel.value[rows] + side * panel.half[rows]) / size for side in (-1.0, 1.0))
-        axes.fill_between(x[rows], low, high, color=AFTER, alpha=0.25, linewidth=0.0,
+        axes.fill_between(x[rows], low, high, color=style.AFTER, alpha=0.25, linewidth=0.0,
                           label="95 % band" if place == 0 else None)
-        axes.plot(x[rows], panel.value[rows] / size, color=AFTER, linewidth=1.4,
+        axes.plot(x[rows], panel.value[rows] / size, color=style.AFTER, linewidth=1.4,
                   label="effect" if place == 0 else None)
 
 
 def contribution_bars(labels: Sequence[str], sizes_m: np.ndarray, left_m: float | None) -> Figure:
-    """What each effect does at the tool (k,) m, in micrometres, in the order given; a line for what is
-    left."""
-    figure = new_figure(0.95 + 1.3 * ROW_IN * len(labels))
+    """What each effect does at the tool (k,) m, in micrometres, as ordered; a line for what is left."""
+    figure = style.new_figure(0.95 + 1.3 * ROW_IN * len(labels))
     axes = figure.subplots()
     rows, sizes = np.arange(len(labels))[::-1], 1e6 * np.asarray(sizes_m)
-    axes.barh(rows, sizes, height=0.68, color=AFTER)
+    axes.barh(rows, sizes, height=0.68, color=style.AFTER)
     for row, value in zip(rows, sizes):
         axes.annotate(f"{value:.0f}", (value, row), (5, 0), textcoords="offset points", va="center",
-                      fontsize=8.5, color=INK)
+                      fontsize=8.5, color=style.INK)
     if left_m is not None:
-        axes.axvline(1e6 * left_m, color=VALIDATION, linestyle="--",
+        axes.axvline(1e6 * left_m, color=style.VALIDATION, linestyle="--",
                      label="left with all of them (held-out RMS)")
         figure.legend(loc="outside upper right")
     axes.set_yticks(rows, labels)

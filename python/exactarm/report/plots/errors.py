@@ -1,85 +1,45 @@
 """Error of every pose (or run) before and after, and how often which error occurs."""
 
-from __future__ import annotations
-
-from functools import partial
-
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from exactarm.report.numbers import number
-from exactarm.report.plots.style import (
-    AFTER,
-    BEFORE,
-    FLOOR,
-    RASTER_ABOVE,
-    VALIDATION,
-    from_zero,
-    label_with,
-    legend_above,
-    marker_size,
-    on_one_panel,
-    scaled,
-)
+from exactarm.report.plots import style
 
 
-def error_per_pose(before: np.ndarray, after: np.ndarray, validation: np.ndarray, unit: str = "m", *,
-                   noise_floor: float | None = None, name: str = "position error",
-                   row: str = "pose") -> Figure:
+def error_per_pose(before: np.ndarray, after: np.ndarray, validation: np.ndarray, unit: str, axes: Axes, *,
+                   name: str = "position error", row: str = "pose") -> None:
     """Magnitudes before, after (N,) against the row; `validation` (N,) bool marks what was never fitted.
     Where after is before, nothing was changed: one series."""
-    return on_one_panel(partial(error_per_pose_panel, before, after, validation, unit,
-                                noise_floor=noise_floor, name=name,
-                                row=row), 3.6)
-
-
-def error_per_pose_panel(before: np.ndarray, after: np.ndarray, validation: np.ndarray, unit: str, axes: Axes,
-                         *,
-                         noise_floor: float | None = None, name: str = "position error",
-                         row: str = "pose") -> None:
-    """The same on given axes."""
-    size, shown = scaled(before, unit, after)
+    size, shown = style.scaled(before, unit, after)
     rows = np.arange(1, len(before) + 1)
-    fitted, dots = ~np.asarray(validation, bool), marker_size(len(rows))
-    how = {"markersize": dots, "rasterized": len(rows) > RASTER_ABOVE, "linestyle": "none"}
+    fitted, dots = ~np.asarray(validation, bool), style.marker_size(len(rows))
+    how = {"markersize": dots, "rasterized": len(rows) > style.RASTER_ABOVE, "linestyle": "none"}
     when = "" if np.array_equal(before, after) else "after, "
     if when:
-        axes.plot(rows, before / size, marker="o", color=BEFORE, label="before", alpha=0.75, **how)
-    for chosen, marker, colour, label in ((fitted, "o", AFTER, "fitted"),
-                                          (~fitted, "D", VALIDATION, "not fitted")):
+        axes.plot(rows, before / size, marker="o", color=style.BEFORE, label="before", alpha=0.75, **how)
+    for chosen, marker, colour, label in ((fitted, "o", style.AFTER, "fitted"),
+                                          (~fitted, "D", style.VALIDATION, "not fitted")):
         if chosen.any():
             axes.plot(rows[chosen], after[chosen] / size, marker=marker, color=colour, label=when + label,
                       **how)
-    if noise_floor is not None:
-        axes.axhline(noise_floor / size, color=FLOOR, linestyle="--", label="noise of the measurement")
-    axes.set(xlabel=row, ylabel=label_with(name, shown), xlim=(0, len(rows) + 1))
-    from_zero(axes, before / size, after / size)
-    legend_above(axes, marker_scale=4.5 / dots)
+    axes.set(xlabel=row, ylabel=style.label_with(name, shown), xlim=(0, len(rows) + 1))
+    style.from_zero(axes, before / size, after / size)
+    style.legend_above(axes, marker_scale=4.5 / dots)
 
 
-def error_histogram(before: np.ndarray, after: np.ndarray, unit: str = "m", *,
-                    noise_floor: float | None = None,
-                    name: str = "position error", of: str = "validation poses") -> Figure:
+def error_histogram(before: np.ndarray, after: np.ndarray, unit: str, axes: Axes, *,
+                    name: str = "position error", of: str = "validation poses") -> None:
     """How many rows have which error, before and after, in the same bins."""
-    return on_one_panel(partial(error_histogram_panel, before, after, unit, noise_floor=noise_floor,
-                                name=name, of=of), 3.0)
-
-
-def error_histogram_panel(before: np.ndarray, after: np.ndarray, unit: str, axes: Axes, *,
-                          noise_floor: float | None = None, name: str = "position error",
-                          of: str = "validation poses") -> None:
-    """The same on given axes."""
-    size, shown = scaled(before, unit, after)
+    size, shown = style.scaled(before, unit, after)
     largest = float(max(np.max(before, initial=0.0), np.max(after, initial=0.0))) / size or 1.0
     bins = np.linspace(0.0, largest, int(np.clip(2.0 * np.sqrt(len(before)), 12, 60)) + 1)
     changed = not np.array_equal(before, after)
-    for values, colour, label in ((before, BEFORE, "before: "), (after, AFTER, "after: "))[not changed :]:
+    both = (before, style.BEFORE, "before: "), (after, style.AFTER, "after: ")
+    for values, colour, label in both[not changed :]:
         mean, label = float(np.mean(values)) / size, label if changed else ""
         axes.hist(values / size, bins, color=colour, alpha=0.7, edgecolor="white", linewidth=0.4,
                   label=f"{label}mean {number(mean)} {shown}")
-    if noise_floor is not None:
-        axes.axvline(noise_floor / size, color=FLOOR, linestyle="--", label="noise of the measurement")
-    axes.set(xlabel=label_with(name, shown), ylabel=f"number of {of}", xlim=(0.0, largest))
+    axes.set(xlabel=style.label_with(name, shown), ylabel=f"number of {of}", xlim=(0.0, largest))
     axes.yaxis.get_major_locator().set_params(integer=True)
-    legend_above(axes)
+    style.legend_above(axes)

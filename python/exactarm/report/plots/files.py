@@ -1,7 +1,5 @@
 """Draws the figures of a report once each, as SVG (also put into the page) and as PNG."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -27,20 +25,14 @@ def draw(figures: Sequence[Figure], place: Callable[[str], Path],
     """Writes plots/NAME.svg and plots/NAME.png to `place(name)`; the same figure gives the same bytes."""
     if not figures:
         return []
-    from exactarm.report.plots.style import house_style
+    from exactarm.report.plots.style import house_style, write_picture
 
     drawings = []
     progress.stage(DRAWING, total=len(figures))
     with _ONE_AT_A_TIME, house_style():
         for figure in figures:
             vector, raster = place(f"plots/{figure.name}.svg"), place(f"plots/{figure.name}.png")
-            _write(figure, vector, raster)
+            write_picture(figure.build(), vector, raster)
             drawings.append(Drawing(figure, vector.read_text(encoding="utf-8")))
             progress.step(note=figure.name)
     return drawings
-
-
-def _write(figure: Figure, vector: Path, raster: Path) -> None:
-    from exactarm.report.plots.style import write_picture
-
-    write_picture(figure.build(), vector, raster)

@@ -1,8 +1,6 @@
 """Figures of a report for a person at a prompt or in a notebook: made by pyplot, or drawn on axes that
 exist."""
 
-from __future__ import annotations
-
 from matplotlib.axes import Axes
 
 from exactarm.report.plots.style import drawn_by, house_style, readable_decades

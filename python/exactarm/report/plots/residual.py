@@ -1,60 +1,43 @@
 """A residual against the signal that it follows, and its spectrum."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from exactarm.report.numbers import number
-from exactarm.report.plots.style import (
-    AFTER,
-    BEFORE,
-    INK,
-    ORANGE,
-    RASTER_ABOVE,
-    VALIDATION,
-    label_with,
-    legend_above,
-    marker_size,
-    new_figure,
-    scaled,
-)
+from exactarm.report.plots import style
 
 BINS = 24
 
 
-def residual_over_signal(signal: np.ndarray, before: np.ndarray, after: np.ndarray | None, *, unit: str,
+def residual_over_signal(signal: np.ndarray, before: np.ndarray, after: np.ndarray, *, unit: str,
                          name: str, signal_name: str, signal_unit: str = "") -> Figure:
-    """Signed residuals (N,) over a signal (N,), before and after side by side, with means of equal-count
-    bins."""
-    size, shown = scaled(before, unit, after)
-    x_size, x_shown = scaled(signal, signal_unit)
-    figure = new_figure(3.5)
-    count = 1 if after is None else 2
-    panels = figure.subplots(1, count, sharex=True, sharey=True, squeeze=False)[0]
-    for axes, values, title, colour in zip(panels, (before, after), ("before", "after"), (BEFORE, AFTER)):
-        axes.plot(signal / x_size, values / size, "o", color=colour,
-                  markersize=0.8 * marker_size(len(signal)),
-                  alpha=0.55, markeredgewidth=0.0, rasterized=len(signal) > RASTER_ABOVE)
+    """Signed residuals (N,) over a signal (N,), before beside after, with means of equal-count bins."""
+    size, shown = style.scaled(before, unit, after)
+    x_size, x_shown = style.scaled(signal, signal_unit)
+    figure = style.new_figure(3.5)
+    panels = figure.subplots(1, 2, sharex=True, sharey=True)
+    both = (before, "before", style.BEFORE), (after, "after", style.AFTER)
+    for axes, (values, title, colour) in zip(panels, both):
+        axes.plot(signal / x_size, values / size, "o", color=colour, alpha=0.55, markeredgewidth=0.0,
+                  markersize=0.8 * style.marker_size(len(signal)),
+                  rasterized=len(signal) > style.RASTER_ABOVE)
         centre, mean, half = binned_mean(signal, values)
-        axes.errorbar(centre / x_size, mean / size, half / size, color=INK, linewidth=1.5, marker="o",
-                      markersize=3.5,
-                      capsize=0, elinewidth=1.2, label="mean of a bin, ± 95 %")
-        axes.axhline(0.0, color=INK, linewidth=0.7)
+        axes.errorbar(centre / x_size, mean / size, half / size, color=style.INK, linewidth=1.5, marker="o",
+                      markersize=3.5, capsize=0, elinewidth=1.2, label="mean of a bin, ± 95 %")
+        axes.axhline(0.0, color=style.INK, linewidth=0.7)
         rms = float(np.sqrt(np.mean(np.square(values)))) / size
         axes.set_title(f"{title}: RMS {number(rms)} {shown}")
-        axes.set_xlabel(label_with(signal_name, x_shown))
-    panels[0].set_ylabel(label_with(name, shown))
-    legend_above(panels[-1], "right")
+        axes.set_xlabel(style.label_with(signal_name, x_shown))
+    panels[0].set_ylabel(style.label_with(name, shown))
+    style.legend_above(panels[-1], "right")
     return figure
 
 
 def binned_mean(signal: np.ndarray, values: np.ndarray,
                 bins: int = BINS) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Centre, mean and half width of its 95 % interval in bins of equal count; few distinct values: one bin
-    each."""
+    """Centre, mean, half width of its 95 % interval in bins of equal count; few values: one bin each."""
     distinct = np.unique(signal)
     if len(distinct) <= bins // 2:
         groups = [np.flatnonzero(signal == value) for value in distinct]
@@ -68,31 +51,25 @@ def binned_mean(signal: np.ndarray, values: np.ndarray,
     return centre, mean, half
 
 
-def spectrum(frequency: np.ndarray, before: np.ndarray, after: np.ndarray | None = None, *, unit: str,
-             name: str,
-             frequency_name: str = "order", frequency_unit: str = "per output revolution",
-             marks: Sequence[tuple[float, str]] = (), threshold: float | None = None) -> Figure:
-    """Amplitudes (N,) over order or frequency; `marks` name peaks, `threshold` is what chance reaches."""
-    size, shown = scaled(before, unit, after)
-    figure = new_figure(3.3)
+def spectrum(order: np.ndarray, before: np.ndarray, after: np.ndarray, *, unit: str, name: str,
+             marks: Sequence[tuple[float, str]] = ()) -> Figure:
+    """Amplitudes (N,) over orders (N,) per output revolution; `marks` name peaks."""
+    size, shown = style.scaled(before, unit, after)
+    figure = style.new_figure(3.3)
     axes = figure.subplots()
-    axes.plot(frequency, before / size, color=BEFORE, linewidth=1.2, label="before")
-    if after is not None:
-        axes.plot(frequency, after / size, color=AFTER, linewidth=1.2, label="after")
-    if threshold is not None:
-        axes.axhline(threshold / size, color=ORANGE, linestyle="--", linewidth=1.0,
-                     label="reached by chance (5 %)")
+    axes.plot(order, before / size, color=style.BEFORE, linewidth=1.2, label="before")
+    axes.plot(order, after / size, color=style.AFTER, linewidth=1.2, label="after")
     top = float(np.nanmax(before)) / size if len(before) else 1.0
-    for position, text in _spread(marks, float(np.ptp(frequency)) * 0.05 if len(frequency) else 1.0):
-        height = float(np.interp(position[0], frequency, before)) / size
+    for position, text in _spread(marks, float(np.ptp(order)) * 0.05 if len(order) else 1.0):
+        height = float(np.interp(position[0], order, before)) / size
         axes.annotate(text, (position[0], height), (position[1], top * 1.12), ha="center", va="bottom",
-                      fontsize=8.5,
-                      color=VALIDATION, arrowprops={"arrowstyle": "-", "color": VALIDATION, "linewidth": 0.7})
-    axes.set(xlabel=label_with(frequency_name, frequency_unit), ylabel=label_with(name, shown),
+                      fontsize=8.5, color=style.VALIDATION,
+                      arrowprops={"arrowstyle": "-", "color": style.VALIDATION, "linewidth": 0.7})
+    axes.set(xlabel="order [per output revolution]", ylabel=style.label_with(name, shown),
              ylim=(0.0, top * (1.28 if len(marks) else 1.08) or 1.0))
-    if len(frequency):
-        axes.set_xlim(float(frequency[0]), float(frequency[-1]))
-    legend_above(axes)
+    if len(order):
+        axes.set_xlim(float(order[0]), float(order[-1]))
+    style.legend_above(axes)
     return figure
 
 

@@ -3,12 +3,11 @@
 Grey is before, blue is after, orange is what was never fitted (validation), green a noise floor.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from functools import partial
 from pathlib import Path
 
 import matplotlib
@@ -20,10 +19,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatterSciNotation
 
 from exactarm.report.numbers import choose_scale
+from exactarm.report.sections import Figure as FigureSection
 
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY, GREY = (
-    "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#868C94",
-)
+    "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#868C94")
 INK, SOFT = "#222222", "#555555"
 BEFORE, AFTER, VALIDATION, FLOOR = GREY, BLUE, RED, GREEN
 CYCLE = (BLUE, RED, GREEN, ORANGE, PURPLE, SKY, INK)
@@ -95,9 +94,33 @@ def on_one_panel(panel: Callable[[Axes], None], height: float = HEIGHT_IN) -> Fi
     return figure
 
 
+def panel_per_axis(count: int, height: float, line: float, share_y: bool, x_label: str,
+                   y_label: str) -> tuple[Figure, list[Axes]]:
+    """A panel for each axis of a robot, three in a line; height in inches, and that of each line."""
+    columns = min(count, 3)
+    lines = -(-count // columns)
+    figure = new_figure(height + line * lines)
+    grid = figure.subplots(lines, columns, sharex=True, sharey=share_y, squeeze=False)
+    for axes in grid.flat[count:]:
+        axes.set_visible(False)
+    for index, axes in enumerate(grid.flat[:count]):
+        axes.set_title(f"axis {index + 1}")
+        if index >= count - columns:
+            axes.set_xlabel(x_label)
+            axes.tick_params(labelbottom=True)
+    for axes in grid[:, 0]:
+        axes.set_ylabel(y_label)
+    return figure, list(grid.flat[:count])
+
+
+def figure_of_panel(name: str, heading: str, panel: Callable[[Axes], None], height: float, caption: str,
+                    alt: str) -> FigureSection:
+    """Of a report: its one panel may be drawn on other axes too."""
+    return FigureSection(name, heading, partial(on_one_panel, panel, height), caption, alt, panel)
+
+
 class _Decades(LogFormatterSciNotation):
-    """Labels of a logarithmic axis as text, 10³ and 2×10⁻⁴: `text.parse_math` is off, and theirs are
-    formulae."""
+    """Labels of a logarithmic axis as text, 10³ and 2×10⁻⁴: `text.parse_math` is off, theirs are formulae."""
 
     def __call__(self, x: float, pos: int | None = None) -> str:
         found = re.search(r"mathdefault\{(?:(.*)\\times)?(-?)10\^\{(-?\d+)\}\}", super().__call__(x, pos))
@@ -121,8 +144,7 @@ def readable_decades(panels: Sequence[Axes]) -> None:
 
 
 def write_picture(picture: Figure, vector: Path, raster: Path) -> None:
-    """SVG and PNG from one layout, drawn once each: `savefig` would draw every one twice and lay it out
-    again."""
+    """SVG and PNG from one layout, drawn once each: `savefig` would draw and lay out each one twice."""
     readable_decades(picture.axes)
     picture.set_dpi(PNG_DOTS_PER_INCH)
     FigureCanvasAgg(picture).print_png(raster, metadata={"Software": None})
@@ -131,8 +153,7 @@ def write_picture(picture: Figure, vector: Path, raster: Path) -> None:
 
 
 def scaled(values: Sequence[float] | np.ndarray, unit: str, *others: np.ndarray | None) -> tuple[float, str]:
-    """Size and name of the unit that suits the largest of all arrays; angles that are large become
-    degrees."""
+    """Size and name of the unit that suits the largest of all arrays; large angles become degrees."""
     arrays = [np.ravel(np.asarray(array, dtype=float)) for array in (values, *others) if array is not None]
     numbers = np.concatenate(arrays) if arrays else np.zeros(0)
     finite = np.abs(numbers[np.isfinite(numbers)])
@@ -152,8 +173,7 @@ def legend_above(axes: Axes, side: str = "left", columns: int = 4, marker_scale:
     handles, labels = axes.get_legend_handles_labels()
     if handles:
         axes.legend(handles, labels, loc=f"lower {side}", bbox_to_anchor=(float(side == "right"), 1.0),
-                    ncols=columns,
-                    borderaxespad=0.2, markerscale=marker_scale)
+                    ncols=columns, borderaxespad=0.2, markerscale=marker_scale)
 
 
 def from_zero(axes: Axes, *arrays: np.ndarray | None) -> None:

@@ -1,8 +1,9 @@
 """Poses in the workspace, seen from above and from the side."""
 
-from __future__ import annotations
+from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from exactarm.report.plots.style import AFTER, INK, VALIDATION, new_figure
@@ -11,26 +12,22 @@ VIEWS = (("from above", 0, 1), ("from the side", 0, 2))
 AXIS_NAMES = ("x [m]", "y [m]", "z [m]")
 
 
-def poses_view(points: np.ndarray, validation: np.ndarray | None = None) -> Figure:
+def poses_view(points: np.ndarray, validation: np.ndarray) -> Figure:
     """Measured points (N, 3) in the robot's base frame; `validation` (N,) bool are drawn as diamonds."""
-    fitted = np.ones(len(points), bool) if validation is None else ~np.asarray(validation, bool)
-    figure, panels = _views()
+    fitted, figure = ~validation, new_figure(4.0)
+    panels = figure.subplots(1, 2)
     for axes, (_, i, j) in zip(panels, VIEWS):
         axes.plot(points[fitted, i], points[fitted, j], "o", color=AFTER, markersize=4,
                   label="identification")
         if not fitted.all():
             axes.plot(points[~fitted, i], points[~fitted, j], "D", color=VALIDATION, markersize=4,
                       label="validation")
-    _finish(figure, panels)
+    with_base(figure, panels)
     return figure
 
 
-def _views():
-    figure = new_figure(4.0)
-    return figure, figure.subplots(1, 2)
-
-
-def _finish(figure: Figure, panels) -> None:
+def with_base(figure: Figure, panels: Sequence[Axes]) -> None:
+    """The robot's base, names and one legend on the two views."""
     for axes, (title, i, j) in zip(panels, VIEWS):
         axes.plot(0.0, 0.0, "+", color=INK, markersize=11, markeredgewidth=1.6, label="robot base")
         axes.set(title=title, xlabel=AXIS_NAMES[i], ylabel=AXIS_NAMES[j])
