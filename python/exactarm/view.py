@@ -167,6 +167,11 @@ class View:
         span = np.ptp(self.theta, axis=0) / np.abs(self.robot.ratios) if self.rows else np.zeros(self.axes)
         return span > (STANDS_STILL * max(span.max(), 1e-12) if self.is_series else 0.0)
 
+    @property
+    def folded(self) -> np.ndarray:
+        """(n,) axes whose declared gear waves pass faster than a log's samples show."""
+        return np.zeros(self.axes, bool)
+
     @cached_property
     def moving_runs(self) -> tuple[tuple[np.ndarray, int], ...]:
         """(row indices, axis from 0 that moves furthest) of every run."""

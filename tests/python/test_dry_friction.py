@@ -114,7 +114,7 @@ def test_what_friction_holds_of_an_axis_at_rest_is_unknown():
     fitted = problem.fit(layout)
     low, high = fitted.fit.interval()[layout.names.index("held_2_Nm")]
     assert low < 6.0 < high and high - low < 0.1
-    assert any("axis 2, which stands still" in words for words in problem.left_out())
+    assert any("friction holds at rest of axis 2" in words for words in problem.left_out())
     assert problem.updated_robot(fitted).joints[1] == robot.joints[1]
     assert "held_2_Nm" not in problem.updated_robot(fitted).intervals
 

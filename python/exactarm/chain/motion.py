@@ -13,6 +13,7 @@ it, low-passed as the measured angles are.
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -72,6 +73,10 @@ class MotionView(View):
         if samples is None or not dry.reach[index]:
             return None
         return samples.gathered(dry.slope(index, samples.angle[:, index], samples.runs))
+
+    @cached_property
+    def folded(self) -> np.ndarray:
+        return self.evaluated[2].folded(self.robot)
 
     @property
     def swing(self) -> np.ndarray:

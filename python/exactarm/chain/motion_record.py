@@ -40,6 +40,7 @@ _ROWS_WITH_HARMONICS = 25.0  # gear errors reach beyond the band: they must not 
 _SLOWEST_HZ, _BELOW_RESONANCE = 5.0, 0.6
 _SAMPLED_ROWS = 16
 _LARGEST = 0.4  # of the sampling rate: no low-pass above it
+_FOLDED = 0.1  # of the rows: fewer are not what a wave over all of them rests on
 _EDGE_PERIODS = 3.0  # of the bandwidth, left out at both ends of a run
 
 
@@ -91,6 +92,16 @@ class MotionRecord:
     def measured_axes(self) -> np.ndarray:
         """Axes (from 0) whose torque was measured."""
         return np.flatnonzero(~np.isnan(self.torque).all(axis=0))
+
+    def folded(self, robot: Robot) -> np.ndarray:
+        """(n,) bool: axes whose declared gear waves pass faster than the log's samples show, in more than a
+        few rows; what such waves leave in a torque folds back to any order."""
+        tables = [[table.order for table in (joint.cw, joint.ccw) if table is not None]
+                  for joint in robot.joints]
+        highest = np.array([max((float(np.max(order, initial=0.0)) for order in own), default=0.0)
+                            for own in tables])
+        turns = np.abs(self.theta_dot / robot.ratios) / (2.0 * np.pi)
+        return np.mean(highest * turns * self.logged_step > 0.5, axis=0) > _FOLDED
 
     @cached_property
     def _derivative(self) -> sparse.csr_array:

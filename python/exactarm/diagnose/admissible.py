@@ -11,16 +11,20 @@ import numpy as np
 from exactarm.chain import View
 from exactarm.data.kinds.base import STANDS_STILL
 from exactarm.diagnose.fitted import Fitted
+from exactarm.effects.base import Effect
 from exactarm.robot.robot import Robot
 
 LEAST_EVIDENCE = 5.0  # log Bayes factor; all candidates tried are already paid for
 LEAST_PROBABILITY = 0.5  # of an effect in the model, among all that could stand in its place
 
 
-def moving_axes(view: View) -> np.ndarray:
-    """(n,) bool: axes that move."""
+def shown(effects: list[Effect], view: View) -> list[Effect]:
+    """Those of no axis, and those of axes that move; waves only where they do not fold back."""
     span = np.ptp(view.theta, axis=0) / np.abs(view.robot.ratios)
-    return span > STANDS_STILL * max(float(span.max()), np.finfo(float).tiny)
+    moves = span > STANDS_STILL * max(float(span.max()), np.finfo(float).tiny)
+    waves = moves & ~view.folded
+    return [effect for effect in effects if effect.joint is None
+            or (waves if effect.searched_wave else moves)[effect.index]]
 
 
 def is_possible(robot: Robot, fitted: Fitted, index: int) -> bool:

@@ -47,6 +47,7 @@ from exactarm.identify.friction_width import dry_friction
 from exactarm.identify.motion_fit import MotionFit, fit_motion
 from exactarm.identify.session_payloads import payload_layout_of_motion
 from exactarm.numerics.white_noise import rise_towards_band, white_noise
+from exactarm.robot.axes_in_words import axes_in_words
 from exactarm.robot.robot import Robot
 from exactarm.view import on_axes
 
@@ -211,14 +212,15 @@ class MotionProblem(ProblemInTime):
         return {int(axis): float(value) for axis, value in zip(self.record.measured_axes, rms)}
 
     def left_out(self) -> tuple[str, ...]:
-        silent = [str(axis + 1) for axis in range(self.robot.axes) if axis not in self.record.measured_axes]
-        words = (
-            (f"no torque was measured on axis {', '.join(silent)}: nothing is said of it",) if silent else ()
-        )
-        if (still := axes_at_rest(self.robot, self.record)).size:
-            numbers = ", ".join(map(str, still + 1))
-            words += (f"what dry friction holds of axis {numbers}, which stands still, is not known: a "
-                      "constant torque there says nothing",)
+        words, record = (), self.record
+        if (silent := np.setdiff1d(range(self.robot.axes), record.measured_axes)).size:
+            words += (f"no torque was measured on {axes_in_words(silent)}: nothing is said of it",)
+        if (still := axes_at_rest(self.robot, record)).size:
+            words += (f"what dry friction holds at rest of {axes_in_words(still)} is not known: a constant "
+                      "torque there says nothing",)
+        if (folded := np.flatnonzero(record.folded(self.robot))).size:
+            words += (f"gear waves of {axes_in_words(folded)} pass faster than the log shows, and what they "
+                      "leave in a torque folds back: no wave is searched there; log faster or move slower",)
         words += reversals_left_out(self._records.values())
         if not self.inertial:
             words += ("masses and inertias are taken as the robot file declares them, 3 % more or less: "

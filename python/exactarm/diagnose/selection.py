@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.diagnose.admissible import LEAST_EVIDENCE, LEAST_PROBABILITY, is_possible, moving_axes
+from exactarm.diagnose.admissible import LEAST_EVIDENCE, LEAST_PROBABILITY, is_possible, shown
 from exactarm.diagnose.bagging import bagged_contest
 from exactarm.diagnose.cluster_robust import robust_evidence
 from exactarm.diagnose.cross_validation import CrossValidation, folds_of
@@ -51,8 +51,7 @@ def candidates_for(problem: Problem, fitted: Fitted) -> list[Effect]:
         if problem.shows(cls) and not cls.declared:
             candidates = cls.candidates(problem.robot, fitted.view)
             found += [e for e in candidates if e.repeatable or e.label not in taken]
-    moves = moving_axes(fitted.view)
-    return [effect for effect in found if effect.joint is None or moves[effect.index]]
+    return shown(found, fitted.view)
 
 
 def select(problem: Problem, declared: Layout, progress: Progress = lambda text: None,

@@ -81,6 +81,10 @@ class HarmonicFamily(Effect):
             return self.known.measured(phi[:, self.index])
         return None if self.seen is None else self._looked_up(phi[:, self.index])[1]
 
+    @property
+    def searched_wave(self) -> bool:
+        return bool(self.search)
+
     def with_values(self, values: Iterable[float]) -> HarmonicFamily:
         """What is known belongs to one estimate: other values begin without it."""
         return replace(self, values=tuple(float(value) for value in values), known=None)
