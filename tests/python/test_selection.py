@@ -96,6 +96,8 @@ def test_a_fit_without_an_effect_is_clear_of_all_others():
         assert turned.normal / both == pytest.approx(scanned.normal / both, abs=1e-8)
         assert turned.onto / size == pytest.approx(scanned.onto / size, abs=1e-6)
     assert without.free_residual == pytest.approx(afresh.free_residual, abs=1e-6)
+    columns = afresh.columns(points[0])
+    assert without.cleared(columns) == pytest.approx(afresh.cleared(columns), rel=1e-6, abs=1e-6)
     wider = whole.beside(np.eye(len(whole.basis))[:, :1])  # its basis holds more than its own columns
     assert wider.coordinates is None
     assert without.spent == pytest.approx(float(np.sum(expected[: without.data_numbers] ** 2)), rel=1e-9)

@@ -108,7 +108,16 @@ class Fitted:
         """The whitened residual without what the free parameters could still explain."""
         if self._part is not None:
             return (self._part.whole.free_residual + self._part.directions @ self._part.back)[self._part.rows]
-        return self.whitened - self.basis @ (self.basis.T @ self.whitened)
+        return self.cleared(self.whitened)
+
+    def cleared(self, columns: np.ndarray) -> np.ndarray:
+        """(N m + r, ...) of columns, what the free parameters cannot explain."""
+        if self._part is None:
+            return columns - self.basis @ (self.basis.T @ columns)
+        whole = np.zeros((len(self._part.rows), *columns.shape[1:]))
+        whole[self._part.rows] = columns
+        back = self._part.directions @ (self._part.directions.T @ whole)
+        return (self._part.whole.cleared(whole) + back)[self._part.rows]
 
     def without(self, index: int) -> Fitted:
         """The linear picture of the fit without the effect at `index` of the layout."""
