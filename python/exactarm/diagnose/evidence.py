@@ -32,6 +32,7 @@ WEAKEST = 1e-7  # direction of the declared parameters beside the strongest, bel
 
 _MOST_PRODUCTS = 40  # of a block's columns with all others, kept: a few hundred MB at most
 _LONG, _ROUNDING = 2, 1e-12  # rows per column from which products stand for rows; of a Gram matrix
+_IN_CACHE = 64  # columns that are whitened at once
 _INVISIBLE = 1e-3  # whitened length of a block at its plausible size, below which it is rounding
 
 
@@ -86,12 +87,15 @@ class Absorbed:
 
     def picture(self, vocabulary: Vocabulary) -> Picture:
         """Of the columns of a vocabulary beside the declared ones."""
-        c = self.noise.whiten(vocabulary.responses)
+        responses = vocabulary.responses
+        c = np.empty((self.measured, responses.shape[2]), order="F")  # read column by column
+        for at in range(0, responses.shape[2], _IN_CACHE):
+            c[:, at : at + _IN_CACHE] = self.noise.whiten(responses[:, :, at : at + _IN_CACHE])
         c *= np.sqrt(self.noise.held_share)
         absorbed, before = (c.T @ self.basis[: self.measured]).T, np.einsum("ij,ij->j", c, c)
         hidden = before - np.einsum("ij,ij->j", absorbed, absorbed) < _ABSORBED * before
         c[:, hidden], absorbed[:, hidden] = 0.0, 0.0
-        c, r = np.asfortranarray(c), self.residual[: self.measured]  # read column by column
+        r = self.residual[: self.measured]
         if len(r) > _LONG * c.shape[1]:
             cleared = -self.basis @ absorbed
             cleared[: self.measured] += c
