@@ -196,7 +196,7 @@ def least_squares(
         # Never shorter than before (Moré 1978): a column that fades is not let loose. At the end it counts as
         # it is.
         widest = np.maximum(scale, norms)
-        for scale in (widest, norms):
+        for scale in (norms,) if np.array_equal(widest, norms) else (widest, norms):
             unit = np.where(scale > 0.0, scale, 1.0)
             model = model.scaled(unit)
             low, high = (lower - x) * unit, (upper - x) * unit
