@@ -6,8 +6,8 @@ import numpy as np
 from scipy import linalg
 from scipy.linalg import lapack
 
-# Least of the Cholesky factor's diagonal, of columns of unit length: above the first, one pass is orthonormal to
-# 1e-11 (rounding over its square: 3e-12 at 0.04); below the second, the Gram matrix loses a direction.
+# Least of the Cholesky factor of columns of unit length: above the first, one pass is orthonormal to
+# 1e-11 (rounding over its square); below the second, the Gram matrix loses a direction.
 _APART, _NEARLY = 1e-2, 1e-4
 
 
