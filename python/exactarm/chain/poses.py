@@ -123,7 +123,7 @@ def _joint_tangents(view: View, layout: Layout, declared: np.ndarray, slope: np.
     if view.rest_load.any:
         gravity = view.rest_load.slope(q)
         if np.any(by_torque):
-            right = np.linalg.solve(np.eye(n) - by_torque @ gravity, right)
+            right = np.linalg.inv(np.eye(n) - by_torque @ gravity) @ right  # hundreds of columns
         tangents["torque"] = gravity @ right if direct is None else gravity @ right + direct
     else:
         tangents["torque"] = nothing[:, :, :size] if direct is None else direct

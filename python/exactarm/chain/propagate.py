@@ -64,6 +64,8 @@ def _change(view: View, effect: Effect) -> Change:
 def _move_tangent(view: View, layout: Layout, index: int, change: Change, tangent: np.ndarray) -> None:
     """Adds to a tangent (N, m, P), in place, what a change does to it."""
     columns = list(change.columns)
+    if columns and columns == [*range(columns[0], columns[-1] + 1)]:
+        columns = slice(columns[0], columns[-1] + 1)  # a view of the tangent, not a copy
     added = [_through(factor, view.tangents[name]) for name, factor in change.by_signal.items()
              if name in view.tangents]
     if change.carried is not None:
