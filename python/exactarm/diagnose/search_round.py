@@ -98,10 +98,8 @@ def search_round(problem: Problem, at: At, noise: NoiseModel | None) -> Found | 
     starts = [normal_noise(at.residual, at.jacobian.shape[2], at.groups)]
     starts += [replace(asked, wandering=None)] if asked.family != "gauss" else []
     starts += [asked] if asked.wandering is not None else []
-    found = [f for f in (_settled(problem, at, start) for start in starts) if f is not None]
-    if len(found) < 2:
-        return found[0] if found else None
-    return max(found, key=_score)
+    found = (_settled(problem, at, start) for start in starts)  # one after another: a picture is large
+    return max((f for f in found if f is not None), key=_score, default=None)
 
 
 def _settled(problem: Problem, at: At, noise: NoiseModel) -> Found | None:
