@@ -258,6 +258,8 @@ def _descend(evaluate, model: Model, whole: Step, x, now: Evaluation, weight, un
             return None, radius
         bend = _bend(evaluate, model, step, x, now, weight, unit) if step.shift > 0.0 else np.zeros_like(x)
         trial = np.clip(x + (step.step + 0.5 * bend) / unit, *bounds)
+        for bound, met in zip(bounds, (step.step <= low, step.step >= high)):
+            trial[met] = bound[met]  # to the last digit, whatever the unit
         ratio = -1.0
         if 2.0 * _length(bend) <= _MOST_BENT * length:
             with np.errstate(over="ignore", invalid="ignore"):
