@@ -87,10 +87,9 @@ class Absorbed:
 
     def picture(self, vocabulary: Vocabulary) -> Picture:
         """Of the columns of a vocabulary beside the declared ones."""
-        responses = vocabulary.responses
-        c = np.empty((self.measured, responses.shape[2]), order="F")  # read column by column
-        for at in range(0, responses.shape[2], _IN_CACHE):
-            c[:, at : at + _IN_CACHE] = self.noise.whiten(responses[:, :, at : at + _IN_CACHE])
+        c = np.empty((self.measured, vocabulary.width), order="F")  # read column by column
+        for where, responses in vocabulary.strips(_IN_CACHE):
+            c[:, where] = self.noise.whiten(responses)
         c *= np.sqrt(self.noise.held_share)
         absorbed, before = (c.T @ self.basis[: self.measured]).T, np.einsum("ij,ij->j", c, c)
         hidden = before - np.einsum("ij,ij->j", absorbed, absorbed) < _ABSORBED * before
@@ -266,6 +265,11 @@ class Picture:
             return []
         values = np.linalg.solve(*self._system(members)) * self.sizes(members)
         return np.split(values, np.cumsum([self.vocabulary.blocks[i].columns for i in members.blocks])[:-1])
+
+    def response(self, members: Members) -> np.ndarray | float:
+        """(N, m) what a set adds to the measurement; 0 without members."""
+        parts = (self.vocabulary.response(self.vocabulary.blocks[i].where) for i in members.blocks)
+        return sum((part @ value for part, value in zip(parts, self.coefficients(members))), 0.0)
 
     def held_out(self, members: Members, parted: CrossValidation) -> float:
         """Square sum of the whitened residual of every fold, predicted from the others with a set."""

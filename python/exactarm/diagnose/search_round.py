@@ -153,10 +153,7 @@ def alike(one: NoiseModel, other: NoiseModel) -> bool:
 def _prediction(picture: Picture, members: Members, at: At, noise: NoiseModel) -> np.ndarray:
     """(N, m) what the set and the declared parameters, moved along, take from the residual (linear
     picture)."""
-    responses = picture.vocabulary.responses
-    taken = np.zeros_like(at.residual)
-    for index, value in zip(members.blocks, picture.coefficients(members)):
-        taken += responses[:, :, picture.vocabulary.blocks[index].where] @ value
+    taken = picture.response(members)
     left = at.residual - taken
     design, right = noise.whiten(at.jacobian), noise.whiten(left[:, :, None])[:, 0]
     norm = np.maximum(np.linalg.norm(design, axis=0), 1e-300)
