@@ -45,7 +45,7 @@ def picture(seed, planted=(), positive=False, size=1.5):
     for index in planted:
         residual += responses[:, :, blocks[index].where] @ np.full(widths[index], size)
     noise = normal_noise(np.ones((ROWS, COMPONENTS)))  # whitens with one
-    return Picture.of(Vocabulary(blocks, responses), residual, declared, noise)
+    return Picture.of(Vocabulary(blocks, (responses,)), residual, declared, noise)
 
 
 def dense_log_likelihood(pic, members):
@@ -74,7 +74,7 @@ def test_parameters_with_a_prior_are_integrated_out_and_pay_for_what_the_data_te
     declared = rng.standard_normal((ROWS, COMPONENTS, 4))
     residual, spread = rng.standard_normal((ROWS, COMPONENTS)), np.array([1e-3, 0.05, 0.3, 10.0])
     noise, members = normal_noise(np.ones((ROWS, COMPONENTS))), Members((0, 1), (3, 2))
-    pic = Picture.of(Vocabulary(blocks, responses), residual, declared, noise,
+    pic = Picture.of(Vocabulary(blocks, (responses,)), residual, declared, noise,
                      (np.diag(1.0 / spread), np.zeros(4)))
     flat, d = responses.reshape(-1, 3), declared.reshape(-1, 4) * spread
     parts = [flat[:, blocks[i].where] * (SCALES[k] * blocks[i].size) for i, k in ((0, 3), (1, 2))]
@@ -98,7 +98,8 @@ def test_exactly_dependent_parameters_with_priors_do_not_hang_on_rounding():
     noise, prior = normal_noise(np.ones((ROWS, COMPONENTS))), (np.eye(3) / 0.1, np.zeros(3))
     weights = []
     for touched in (1.0, 1.0 + 1e-9 * rng.standard_normal(declared.shape)):
-        pic = Picture.of(Vocabulary((block(0, 2, 0),), responses), residual, declared * touched, noise, prior)
+        vocabulary = Vocabulary((block(0, 2, 0),), (responses,))
+        pic = Picture.of(vocabulary, residual, declared * touched, noise, prior)
         weights.append(pic.additions(Members((), ())).log_weight[0])
     assert weights[0] == pytest.approx(weights[1], abs=1e-6)
 
@@ -191,7 +192,7 @@ def gear_curve_picture(seed):
         at += len(size)
     residual = waves @ rng.standard_normal(24) + 0.1 * rng.standard_normal((300, 1))
     declared = np.ones((300, 1, 1))
-    return Picture.of(Vocabulary(tuple(blocks), responses), residual, declared,
+    return Picture.of(Vocabulary(tuple(blocks), (responses,)), residual, declared,
                       normal_noise(np.full((300, 1), 0.1)))
 
 

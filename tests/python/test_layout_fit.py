@@ -156,8 +156,18 @@ def test_what_the_rows_have_paid_is_their_leverage(repeated):
         lambda x, _: Evaluation(np.append(measured - columns @ x, pull @ -x),
                                 np.append(columns.reshape(-1, 4), pull, 0)),
         fit.x, weights=np.append(np.full(180, 1 / 0.2), 1.0), bounds=(fit.bounds[0], fit.bounds[1]))
-    spent = layout_fit._spent(columns.reshape(-1, 4), weight, sigma, alike, pull, again)
+    last = layout_fit._Point(None, columns.reshape(-1, 4), weight, alike, pull)
+    spent = layout_fit._spent(last, sigma, again)
     free = ~again.at_bound
     rows = np.append(columns.reshape(-1, 4) / 0.2, pull, 0)[:, free]
     leverage = np.trace((rows @ np.linalg.pinv(rows))[:180, :180])
     assert spent == pytest.approx(np.full(3, leverage / 3), rel=1e-9)
+
+
+def test_normal_equations_follow_from_the_parts_of_each_variance():
+    rng = np.random.default_rng(6)
+    columns, weight, alike = rng.normal(size=(60, 3, 4)), rng.uniform(0.5, 1.0, 60), np.array([0, 1, 0])
+    sigma, pull = np.array([0.2, 3e-5, 0.2]), np.diag([0.0, 2.0, 0.0, 0.1])[[1, 3]]
+    point = layout_fit._Point(None, np.append(columns.reshape(-1, 4), pull, 0), weight, alike, pull)
+    rows = np.append((weight[:, None, None] * columns / sigma[:, None]).reshape(-1, 4), pull, 0)
+    assert point.normal(sigma) == pytest.approx(rows.T @ rows, rel=1e-12)

@@ -290,3 +290,14 @@ def test_a_parameter_at_its_bound_that_nothing_shows_has_no_end():
     bounds = np.array([-np.inf, 0.0]), np.full(2, np.inf)
     fit = least_squares(linear(columns, columns[:, 0]), np.array([1.0, 0.0]), bounds=bounds)
     assert fit.at_bound[1] and fit.interval()[1].tolist() == [0.0, np.inf]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_bound_that_a_step_meets_is_met_to_the_last_digit(seed):
+    """Whatever the scale of its column."""
+    rng = np.random.default_rng(seed)
+    columns = rng.normal(size=(40, 3)) * rng.uniform(0.1, 10.0, 3)
+    lower = np.array([-np.inf, rng.uniform(0.1, 1.0), -np.inf])
+    problem = linear(columns, columns @ [1.0, -2.0, 3.0])
+    fit = least_squares(problem, np.full(3, 2.0), bounds=(lower, np.full(3, 9.0)))
+    assert fit.at_bound.tolist() == [False, True, False] and fit.x[1] == lower[1]

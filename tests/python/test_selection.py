@@ -54,6 +54,27 @@ def test_nothing_is_proposed_for_an_axis_that_stands_still():
     assert {effect.joint for effect in found} >= {1, 2, 3, 5, 6}
 
 
+def test_products_through_a_station_are_those_of_the_whole_columns():
+    """Of every effect of the library, without another one in the fit, and along the directions of a test."""
+    problem, declared = fitted_problem(*poses())
+    fitted = problem.fit(declared)
+    field = [e for e in selection.candidates_for(problem, fitted) if not e.excludes_rows()]
+    columns = [(fitted.columns(effect)[:, free_mask(effect)], effect) for effect in field]
+    found = fitted.products_of(field, [free_mask(effect) for effect in field])
+    bins = np.random.default_rng(2).normal(size=(len(problem.data), 3))
+    for pattern in problem.directions(fitted).values():
+        columns.append((fitted.whiten(pattern[:, :, None] * bins[:, None]), pattern))
+        found.append(fitted.along(pattern)(bins))
+    for (whole, of), products in zip(columns, found):
+        clear = whole - fitted.basis @ (fitted.basis.T @ whole)
+        size = np.maximum(np.linalg.norm(whole, axis=0), 1e-300)
+        assert np.allclose(products.square, size**2, rtol=1e-9, atol=0.0), of
+        assert np.allclose(products.absorbed / size, fitted.basis.T @ whole / size, atol=1e-9), of
+        assert np.allclose(products.normal / size / size[:, None], clear.T @ clear / size / size[:, None],
+                           atol=1e-9), of
+        assert np.allclose(products.onto / size, clear.T @ fitted.whitened / size, atol=1e-6), of
+
+
 def test_a_fit_without_an_effect_is_clear_of_all_others():
     """Its basis is turned out of that of the whole fit, the rows of the effect's own priors left out."""
     problem, declared = fitted_problem(*poses())
@@ -75,6 +96,8 @@ def test_a_fit_without_an_effect_is_clear_of_all_others():
         assert turned.normal / both == pytest.approx(scanned.normal / both, abs=1e-8)
         assert turned.onto / size == pytest.approx(scanned.onto / size, abs=1e-6)
     assert without.free_residual == pytest.approx(afresh.free_residual, abs=1e-6)
+    columns = afresh.columns(points[0])
+    assert without.cleared(columns) == pytest.approx(afresh.cleared(columns), rel=1e-6, abs=1e-6)
     wider = whole.beside(np.eye(len(whole.basis))[:, :1])  # its basis holds more than its own columns
     assert wider.coordinates is None
     assert without.spent == pytest.approx(float(np.sum(expected[: without.data_numbers] ** 2)), rel=1e-9)

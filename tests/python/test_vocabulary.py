@@ -27,7 +27,7 @@ def test_laws_of_one_curve_share_its_columns():
     first, second, other = found.blocks
     assert first.where == second.where and first.columns == 10
     assert not np.allclose(first.size, second.size)
-    assert other.where == slice(10, 12) and found.responses.shape[2] == 12
+    assert other.where == slice(10, 12) and found.width == 12
 
 
 def test_beside_a_curve_its_columns_are_gone_and_the_others_are_what_they_were():
@@ -35,7 +35,7 @@ def test_beside_a_curve_its_columns_are_gone_and_the_others_are_what_they_were()
     left = found.beside([laws[0]])
     assert [block.label for block in left.blocks] == ["gear_eccentricity_3"]
     assert left.blocks[0].where == slice(0, 2)
-    assert np.array_equal(left.responses, found.responses[:, :, 10:])
+    assert np.array_equal(left.parts[0], found.response(slice(10, 12)))
 
 
 def test_a_wave_that_was_found_may_have_an_overtone():
@@ -50,6 +50,6 @@ def test_joined_causes_follow_the_others_and_are_together_as_probable_as_one_nam
     found, _ = vocabulary()
     both = found.joined(found.beside([GearHarmonics.curve(2, 5, 3e-5, (-3.0, 3.0))]))
     last = both.blocks[-1]
-    assert last.where == slice(12, 14) and both.responses.shape[2] == 14
-    assert np.array_equal(both.responses[:, :, last.where], found.responses[:, :, found.blocks[-1].where])
+    assert last.where == slice(12, 14) and both.width == 14
+    assert np.array_equal(both.response(last.where), found.response(found.blocks[-1].where))
     assert np.isclose(last.log_prior, found.blocks[-1].log_prior - np.log(2.0))

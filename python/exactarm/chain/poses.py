@@ -1,10 +1,11 @@
 """The chain for static poses: motor angles in, position and orientation of the target out.
 
 At rest the spring carries the gravity torque, or what was measured (rest_load.py; E4): q = phi + q_offset -
-kappa^{-1}(g(q)), solved by fixed-point iteration (the deflection is small, each pass gains three digits). The
-tangent of the fixed point follows from the implicit function theorem:
-    (I - S G) T_q = T_0 + S T_L,    S = dq/dtorque, G = dg/dq, T_L = direct tangent of the load.
-Left out of the tangents: that geometry changes the gravity torque too (below 1 % of a geometry column).
+kappa^{-1}(g(q)), solved by fixed-point iteration (the deflection is small, each pass gains three digits).
+Derivatives are taken backwards (adjoint.py). At the fixed point, by the implicit function theorem, what comes
+back from q and from the load is
+    A_q = (A_q + A_load G) (I - S G)^{-1},    A_load = A_load + A_q S,    S = dq/dtorque, G = dg/dq.
+Left out of the derivatives: that geometry changes the gravity torque too (below 1 % of a geometry column).
 """
 
 from dataclasses import dataclass, replace
@@ -12,9 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm import _core
+from exactarm.chain.adjoint import Adjoint
 from exactarm.chain.gear import declared_output_angle
 from exactarm.chain.layout import Layout
-from exactarm.chain.propagate import pass_station, pass_tangents
+from exactarm.chain.propagate import Passed, changes, pass_station
 from exactarm.chain.spring import declared_deflection
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import POSES
@@ -55,13 +57,47 @@ def predict_poses(robot: Robot, layout: Layout, data: Dataset, *, tangents: bool
                   threads: int = 1) -> PosePrediction:
     """Prediction of every row of `data` with the effects of `layout` in the chain."""
     view = View(layout.baked(robot), data, POSES.name, threads)
-    _joint_angles(view, layout, tangents)
-    return predict_target(view, layout, tangents)
+    joints = _joint_angles(view, layout, tangents and layout.size > 0)
+    prediction, adjoint = _target(view, layout, tangents)
+    if joints is not None:
+        joints.back(view, adjoint)
+        # What leads there has done its work.
+        view.tangents = {"measured": adjoint.jacobian[:, :3]}
+    return prediction
 
 
-def _joint_angles(view: View, layout: Layout, tangents: bool) -> None:
-    """Fills theta, phi, torque, q and their tangents."""
-    rows, n, size = view.rows, view.axes, layout.size
+@dataclass(frozen=True)
+class _Joints:
+    """What the joints have passed: changes by station, slope (N, n) of the declared gears, and (N, n, n)
+    what a unit of each joint's torque does to phi and q."""
+
+    passed: dict[Station, Passed]
+    slope: np.ndarray
+    phi_by_torque: np.ndarray
+    q_by_torque: np.ndarray
+
+    def back(self, view: View, adjoint: Adjoint) -> None:
+        """From q, torque, phi and theta to the parameters of the stations before."""
+        by, nothing = adjoint.by, np.zeros((view.rows, 6, view.axes))
+        q, torque, phi, theta = (by.get(name, nothing) for name in ("q", "torque", "phi", "theta"))
+        torque = torque + phi @ self.phi_by_torque
+        if view.rest_load.any:
+            gravity = view.rest_load.slope(view.q)
+            q = (q + torque @ gravity) @ np.linalg.inv(np.eye(view.axes) - self.q_by_torque @ gravity)
+        torque = np.swapaxes(view.rest_load.unless_measured(
+            np.swapaxes(torque + q @ self.q_by_torque, 1, 2)), 1, 2)
+        by |= {"q": q, "torque": torque, "phi": phi, "theta": theta}
+        adjoint.back("q", self.passed[Station.SPRING], ("q", "phi", "theta"))
+        adjoint.add("phi", by["q"])
+        adjoint.back("phi", self.passed[Station.GEAR], ("phi", "theta"))
+        adjoint.back("torque", self.passed[Station.LOAD], ("torque", "theta"))
+        adjoint.add("theta", by["phi"] * self.slope[:, None])
+        adjoint.back("theta", self.passed[Station.MOTOR], ("theta",))
+
+
+def _joint_angles(view: View, layout: Layout, tangents: bool) -> _Joints | None:
+    """Fills theta, phi, torque, q; what they have passed, if tangents are asked for."""
+    rows, n = view.rows, view.axes
     view.signals["theta"] = motor_angles(view.robot, view.data)
     pass_station(view, layout, Station.MOTOR, "theta", False)
     declared, slope = declared_output_angle(view)
@@ -80,59 +116,46 @@ def _joint_angles(view: View, layout: Layout, tangents: bool) -> None:
         pass_station(view, layout, Station.SPRING, "q", False)
         if np.max(np.abs(view.q - q_before), initial=0.0) < _FIXED_POINT_TOLERANCE_RAD or not load.any:
             break
-    if tangents and size:
-        _joint_tangents(view, layout, declared, slope)
+    return _joint_slopes(view, layout, declared, slope) if tangents else None
 
 
-def _joint_tangents(view: View, layout: Layout, declared: np.ndarray, slope: np.ndarray) -> None:
-    """Tangents of theta, phi, torque and q at the fixed point.
-
-    The torque's own tangent is an unknown, so the stations run with n extra columns that stand for a unit
-    change of each joint torque.
-    """
-    rows, n, size = view.rows, view.axes, layout.size
-    wide, axes = size + n, np.arange(n)
-    torque, q = view.torque, view.q
+def _joint_slopes(view: View, layout: Layout, declared: np.ndarray, slope: np.ndarray) -> _Joints:
+    """The stations once more at the fixed point. Its torque is an unknown: a unit of each joint's is passed
+    along."""
+    rows, n = view.rows, view.axes
+    torque, q, axes = view.torque, view.q, np.arange(n)
+    nothing, unit = np.zeros((rows, n, n)), np.tile(np.eye(n), (rows, 1, 1))
     tangents = view.tangents
-    nothing = np.zeros((rows, n, wide))
-    tangents["theta"] = nothing
-    moved = pass_tangents(view, layout, Station.MOTOR, "theta")
-    unit = np.zeros((rows, n, wide))
-    unit[:, :, size:] = np.eye(n)
-    tangents["torque"], tangents["q"] = unit, nothing
-    loaded = pass_tangents(view, layout, Station.LOAD, "torque")
-    direct = None if loaded is unit else view.rest_load.unless_measured(loaded - unit)[:, :, :size]
-    tangents["torque"] = unit
-    tangents["phi"] = nothing if moved is nothing else slope[:, :, None] * moved
+    tangents |= {"theta": nothing, "torque": unit, "q": nothing, "phi": nothing}
+    passed = {station: changes(view, layout, station) for station in (Station.MOTOR, Station.LOAD)}
     view.signals["phi"] = declared
-    pass_station(view, layout, Station.GEAR, "phi", True)
+    passed[Station.GEAR] = pass_station(view, layout.held, Station.GEAR, "phi", True)
     deflection, give = declared_deflection(view.robot, view.torque)
     tangents["q"] = tangents["phi"].copy()
-    tangents["q"][:, axes, size + axes] += give
+    tangents["q"][:, axes, axes] += give
     view.signals["q"] = view.phi + view.robot.offsets + deflection
-    pass_station(view, layout, Station.SPRING, "q", True)
+    passed[Station.SPRING] = pass_station(view, layout.held, Station.SPRING, "q", True)
     view.signals["torque"], view.signals["q"] = torque, q
-    by_torque, right = tangents["q"][:, :, size:], tangents["q"][:, :, :size]
-    view.signals["deflection_by_torque"] = by_torque.reshape(rows, -1)
-    if direct is not None:
-        right = right + by_torque @ direct
-    if view.rest_load.any:
-        gravity = view.rest_load.slope(q)
-        if np.any(by_torque):
-            right = np.linalg.solve(np.eye(n) - by_torque @ gravity, right)
-        tangents["torque"] = gravity @ right if direct is None else gravity @ right + direct
-    else:
-        tangents["torque"] = nothing[:, :, :size] if direct is None else direct
-    tangents["q"] = right
-    by_torque = tangents["phi"][:, :, size:]
-    tangents["phi"] = tangents["phi"][:, :, :size]
-    if np.any(by_torque):
-        tangents["phi"] = tangents["phi"] + by_torque @ tangents["torque"]
-    tangents["theta"] = moved[:, :, :size]
+    view.signals["deflection_by_torque"] = tangents["q"].reshape(rows, -1)
+    joints = _Joints(passed, slope, tangents["phi"], tangents["q"])
+    view.tangents = {}
+    return joints
 
 
 def predict_target(view: View, layout: Layout, tangents: bool) -> PosePrediction:
-    """From joint angles to the measured target: geometry, frames of each session, device."""
+    """From joint angles, and their tangents in the view, to the measured target: geometry, frames of each
+    session, device."""
+    prediction, adjoint = _target(view, layout, tangents)
+    if adjoint is not None:
+        for name, tangent in view.tangents.items():
+            if name in adjoint.by:
+                adjoint.jacobian += adjoint.by[name] @ tangent
+        view.tangents = {"measured": adjoint.jacobian[:, :3]}
+    return prediction
+
+
+def _target(view: View, layout: Layout, tangents: bool) -> tuple[PosePrediction, Adjoint | None]:
+    """The prediction, with the derivatives by what acts behind the joints; and those by the joints."""
     rows, n, size = view.rows, view.axes, layout.size
     jacobian = np.zeros((rows, 6, size)) if tangents else None
     tangents = tangents and size > 0
@@ -154,23 +177,25 @@ def predict_target(view: View, layout: Layout, tangents: bool) -> PosePrediction
     view.signals["displacement"] = np.zeros((rows, 6))
     if tangents:
         view.signals["identification"] = columns.reshape(rows, -1)
-        joint_columns = view.target_by("q")
         if not view.is_series:
-            view.transfers = _transfers(view, joint_columns)
-        view.tangents["displacement"] = joint_columns @ view.tangents["q"]
-    pass_station(view, layout, Station.GEOMETRY, "displacement", tangents)
+            view.transfers = _transfers(view, view.target_by("q"))
+    moves = pass_station(view, layout, Station.GEOMETRY, "displacement", tangents)
     moved = view.signals["displacement"]
     view.signals["measured"] = position + moved[:, :3]
     if np.any(moved[:, 3:]):
         rotation = rotation_exp(moved[:, 3:]) @ rotation
-    if tangents:
-        view.tangents["measured"] = view.tangents["displacement"][:, :3]
-    pass_station(view, layout, Station.DEVICE, "measured", tangents)
-    if tangents:
-        jacobian[:, :3], jacobian[:, 3:] = view.tangents["measured"], view.tangents["displacement"][:, 3:]
-        # What leads there has done its work: kept with a fit of many parameters, it is most of its memory.
-        view.tangents = {"measured": jacobian[:, :3]}
-    return PosePrediction(view.measured, rotation, jacobian, view)
+    reads = pass_station(view, layout, Station.DEVICE, "measured", tangents)
+    prediction = PosePrediction(view.measured, rotation, jacobian, view)
+    if not tangents:
+        return prediction, None
+    position_rows, rotation_rows = np.split(np.tile(np.eye(6), (rows, 1, 1)), 2, axis=2)
+    adjoint = Adjoint(layout, jacobian, {"measured": position_rows})
+    adjoint.by["displacement"] = np.concatenate([np.zeros((rows, 6, 3)), rotation_rows], axis=2)
+    adjoint.back("measured", reads)
+    adjoint.add("displacement", np.pad(adjoint.by["measured"], ((0, 0), (0, 0), (0, 3))))
+    adjoint.back("displacement", moves)
+    adjoint.add("q", adjoint.by["displacement"] @ view.target_by("q"))
+    return prediction, adjoint
 
 
 def _transfers(view: View, joint_columns: np.ndarray) -> dict:

@@ -1,4 +1,4 @@
-"""Forward differentiation through the stations: values and tangents of one signal after another.
+"""Values through the stations, and forward differentiation: tangents of one signal after another.
 
 A change at a station adds its value to the signal, and to the tangent
     T_signal += change.by_parameters + sum_s change.by_signal[s] @ T_s,
@@ -13,6 +13,8 @@ from exactarm.chain.layout import Layout
 from exactarm.effects.base import Change, Effect, Station
 from exactarm.view import View
 
+Passed = list[tuple[int, Change]]  # index in the layout of the effect that made each
+
 
 def acts(effect: Effect, view: View, station: Station) -> bool:
     """Whether an effect of the layout has its turn at `station` of this evaluation."""
@@ -21,29 +23,46 @@ def acts(effect: Effect, view: View, station: Station) -> bool:
     return station not in (Station.MOTOR, Station.DEVICE) or view.kind in effect.kinds
 
 
-def pass_station(view: View, layout: Layout, station: Station, signal: str, tangents: bool) -> None:
-    """Adds all changes at `station` to the named signal, one effect after another."""
+def pass_station(view: View, layout: Layout, station: Station, signal: str, tangents: bool) -> Passed:
+    """Adds all changes at `station` to the named signal, one effect after another; tangents: also those of
+    what lives in tables, and to the signal's tangent, where the view has one."""
     acting = [(i, effect) for i, effect in enumerate(layout.effects)
               if acts(effect, view, station) and (tangents or not effect.only_in_tables)]
-    if acting and tangents:
+    passed, forward = [], tangents and signal in view.tangents
+    if acting and forward:
         view.tangents[signal] = view.tangents[signal].copy()
     for index, effect in acting:
         change = _change(view, effect)
-        if tangents:
+        passed.append((index, change))
+        if forward:
             _move_tangent(view, layout, index, change, view.tangents[signal])
         moved = view.signals[signal].copy()
         moved[:, change.columns] += change.value
         view.signals[signal] = moved
+    return passed
 
 
 def pass_tangents(view: View, layout: Layout, station: Station, signal: str) -> np.ndarray:
     """Tangent of the named signal after a station whose values have been passed already."""
-    acting = [(i, effect) for i, effect in enumerate(layout.effects) if acts(effect, view, station)]
-    if acting:
+    passed = changes(view, layout, station)
+    if passed:
         view.tangents[signal] = view.tangents[signal].copy()
-    for index, effect in acting:
-        _move_tangent(view, layout, index, _change(view, effect), view.tangents[signal])
+    for index, change in passed:
+        _move_tangent(view, layout, index, change, view.tangents[signal])
     return view.tangents[signal]
+
+
+def changes(view: View, layout: Layout, station: Station) -> Passed:
+    """Of all effects at a station whose values have been passed already."""
+    return [(index, _change(view, effect)) for index, effect in enumerate(layout.effects)
+            if acts(effect, view, station)]
+
+
+def rows_of(change: Change) -> slice | list[int]:
+    """Of the signal that a change moves: a view of them where they follow each other, else a copy."""
+    rows = list(change.columns)
+    together = bool(rows) and rows == [*range(rows[0], rows[-1] + 1)]
+    return slice(rows[0], rows[-1] + 1) if together else rows
 
 
 def _change(view: View, effect: Effect) -> Change:
@@ -61,7 +80,7 @@ def _change(view: View, effect: Effect) -> Change:
 
 def _move_tangent(view: View, layout: Layout, index: int, change: Change, tangent: np.ndarray) -> None:
     """Adds to a tangent (N, m, P), in place, what a change does to it."""
-    columns = list(change.columns)
+    columns = rows_of(change)
     added = [_through(factor, view.tangents[name]) for name, factor in change.by_signal.items()
              if name in view.tangents]
     if change.carried is not None:

@@ -50,8 +50,7 @@ def bagged_contest(without: Fitted, own: tuple[Effect, float], rivals: list[tupl
     the fit without it. pieces (N,): of the rows."""
     left, evidence = [without.free_residual], [0.0]
     for effect, each in (own, *rivals):
-        columns = linear_columns(without, emptied(effect))
-        columns = columns - without.basis @ (without.basis.T @ columns)
+        columns = without.cleared(linear_columns(without, emptied(effect)))
         normal = columns.T @ columns
         normal += np.diag(1.0 / prior_of(effect) ** 2 + _RIDGE * np.diag(normal) + np.finfo(float).tiny)
         left.append(left[0] - columns @ np.linalg.solve(normal, columns.T @ left[0]))

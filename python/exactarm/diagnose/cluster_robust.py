@@ -26,7 +26,7 @@ def robust_evidence(fitted: Fitted, candidate: Candidate, columns: np.ndarray, g
     """The candidate's evidence, less what it owes to noisy rows. columns (R, k) whitened, groups (N,), count:
     independent numbers."""
     names, group = np.unique(groups, return_inverse=True)
-    clear = columns - fitted.basis @ (fitted.basis.T @ columns)
+    clear = fitted.cleared(columns)
     seen = np.einsum("ij,ij->j", clear, clear) > 1e-6 * np.einsum("ij,ij->j", columns, columns)
     clear = clear[:, seen] / np.linalg.norm(clear[:, seen], axis=0)
     k = clear.shape[1]

@@ -171,7 +171,7 @@ def _at_tool(without: Fitted, moved: np.ndarray) -> np.ndarray:
     """(K,) m of the movement (N, m), in the rows that it moves, that the free parameters of the model without
     the effect cannot make up for."""
     white = without.whiten(moved[:, :, None])[:, 0]
-    left = (white - without.basis @ (without.basis.T @ white))[: without.data_numbers].reshape(moved.shape)
+    left = without.cleared(white)[: without.data_numbers].reshape(moved.shape)
     return np.linalg.norm((left * without.sigma)[np.any(moved, axis=1), :_POSITION], axis=1)
 
 

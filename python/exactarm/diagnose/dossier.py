@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from exactarm.diagnose.fitted import Fitted
+from exactarm.diagnose.fitted import Fitted, Products
 from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.signal import Direction, Signal
@@ -65,11 +65,11 @@ def dossier(problem: Problem, fitted: Fitted) -> Dossier:
     signals, directions = problem.signals(fitted), problem.directions(fitted)
     columns = {signal: indicator(values) for signal, values in signals.items()} | problem.surfaces(fitted)
     tests = len(columns) * len(directions) + 1
-    found = _over_space(problem, fitted, tests)
+    found, along = _over_space(problem, fitted, tests), [fitted.along(each) for each in directions.values()]
     for signal, bins in columns.items():
         if bins.shape[1] < 2:
             continue
-        entries = [_test(fitted, residual, bins, pattern, square, freedom) for pattern in directions.values()]
+        entries = [_test(products_of(bins), square, freedom) for products_of in along]
         (p, share), name = min(zip(entries, directions), key=lambda each: (each[0][0], -each[0][1]))
         found.append(Follows(signal, name, share, min(1.0, p * tests)))
     order = sorted(found, key=lambda f: (f.p_value, -f.share))
@@ -91,21 +91,14 @@ def _effective(problem: Problem, fitted: Fitted) -> float:
     )
 
 
-def _test(fitted, residual, bins, pattern, square, freedom) -> tuple[float, float]:
-    """p-value and share of the square sum of the residual that the bins along `pattern` (N, m) explain."""
-    columns = fitted.standard(pattern[:, :, None] * bins[:, None, :])
-    seen = np.flatnonzero(columns.any(axis=1))
-    columns = columns[seen]
-    # Cleared of the basis Q: C'C - (Q'C)'(Q'C), without the cleared columns themselves.
-    absorbed, square_of_each = fitted.basis[: fitted.data_numbers][seen].T @ columns, columns.T @ columns
-    gram = square_of_each - absorbed.T @ absorbed
-    onto = columns.T @ residual[: fitted.data_numbers][seen] - absorbed.T @ (fitted.basis.T @ residual)
-    values, vectors = np.linalg.eigh(gram)
-    keep = values > 1e-6 * max(float(np.max(np.diag(square_of_each), initial=0.0)), 1e-300)
+def _test(products: Products, square: float, freedom: float) -> tuple[float, float]:
+    """p-value and share of the square sum of the residual that these columns explain."""
+    values, vectors = np.linalg.eigh(products.normal)
+    keep = values > 1e-6 * max(float(np.max(products.square, initial=0.0)), 1e-300)
     rank = int(keep.sum())
     if rank == 0 or freedom <= rank + 1:
         return 1.0, 0.0
-    explained = float(np.sum((vectors[:, keep].T @ onto) ** 2 / values[keep]))
+    explained = float(np.sum((vectors[:, keep].T @ products.onto) ** 2 / values[keep]))
     # Correlated samples count as fewer: the same shares with the effective number of them.
     f = (explained / rank) / max((square - explained) / (freedom - rank), 1e-300)
     return float(special.fdtrc(rank, freedom - rank, f)), explained / square

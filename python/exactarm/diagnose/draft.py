@@ -164,7 +164,7 @@ def _unknown_axes(problem: Problem,
         certain, posterior = search(picture, _MOST_FUNCTIONS)
         beside = posterior.members[posterior.best]
         members = Members(certain.blocks + beside.blocks, certain.scales + beside.scales)
-        before, noise = noise, estimate_noise(fitted.residual - _taken(picture, members), lost, visits)
+        before, noise = noise, estimate_noise(fitted.residual - picture.response(members), lost, visits)
         if alike(before, noise):
             break
     signals, by_label = defaultdict(list), {}
@@ -188,15 +188,6 @@ def _unknown_axes(problem: Problem,
 
 def _any_of(mine: set[str], labels: tuple[str, ...]) -> bool:
     return not mine.isdisjoint(labels)
-
-
-def _taken(picture: Picture, members: Members) -> np.ndarray:
-    """(N, m) what the members of a set add to the measurement."""
-    responses = picture.vocabulary.responses
-    taken = np.zeros(responses.shape[:2])
-    for index, value in zip(members.blocks, picture.coefficients(members)):
-        taken += responses[:, :, picture.vocabulary.blocks[index].where] @ value
-    return taken
 
 
 def _best_formula(

@@ -32,6 +32,7 @@ WEAKEST = 1e-7  # direction of the declared parameters beside the strongest, bel
 
 _MOST_PRODUCTS = 40  # of a block's columns with all others, kept: a few hundred MB at most
 _LONG, _ROUNDING = 2, 1e-12  # rows per column from which products stand for rows; of a Gram matrix
+_IN_CACHE = 64  # columns that are whitened at once
 _INVISIBLE = 1e-3  # whitened length of a block at its plausible size, below which it is rounding
 
 
@@ -86,12 +87,14 @@ class Absorbed:
 
     def picture(self, vocabulary: Vocabulary) -> Picture:
         """Of the columns of a vocabulary beside the declared ones."""
-        c = self.noise.whiten(vocabulary.responses)
+        c = np.empty((self.measured, vocabulary.width), order="F")  # read column by column
+        for where, responses in vocabulary.strips(_IN_CACHE):
+            c[:, where] = self.noise.whiten(responses)
         c *= np.sqrt(self.noise.held_share)
         absorbed, before = (c.T @ self.basis[: self.measured]).T, np.einsum("ij,ij->j", c, c)
         hidden = before - np.einsum("ij,ij->j", absorbed, absorbed) < _ABSORBED * before
         c[:, hidden], absorbed[:, hidden] = 0.0, 0.0
-        c, r = np.asfortranarray(c), self.residual[: self.measured]  # read column by column
+        r = self.residual[: self.measured]
         if len(r) > _LONG * c.shape[1]:
             cleared = -self.basis @ absorbed
             cleared[: self.measured] += c
@@ -262,6 +265,11 @@ class Picture:
             return []
         values = np.linalg.solve(*self._system(members)) * self.sizes(members)
         return np.split(values, np.cumsum([self.vocabulary.blocks[i].columns for i in members.blocks])[:-1])
+
+    def response(self, members: Members) -> np.ndarray | float:
+        """(N, m) what a set adds to the measurement; 0 without members."""
+        parts = (self.vocabulary.response(self.vocabulary.blocks[i].where) for i in members.blocks)
+        return sum((part @ value for part, value in zip(parts, self.coefficients(members))), 0.0)
 
     def held_out(self, members: Members, parted: CrossValidation) -> float:
         """Square sum of the whitened residual of every fold, predicted from the others with a set."""

@@ -12,6 +12,7 @@ so that every place of a fit is contested with the products of one scan.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -25,6 +26,8 @@ from exactarm.identify.layout_fit import Drawing, pulls_of
 from exactarm.numerics.regression import Fit
 from exactarm.robot.robot import Robot
 
+_BLOCK_COLUMNS = 192  # of candidates, at once in memory
+
 
 @dataclass(frozen=True)
 class Products:
@@ -35,6 +38,11 @@ class Products:
     absorbed: np.ndarray
     normal: np.ndarray
     onto: np.ndarray
+
+    @staticmethod
+    def of(gram: np.ndarray, absorbed: np.ndarray, onto: np.ndarray) -> Products:
+        """gram (k, k) = C'C."""
+        return Products(np.diag(gram), absorbed, gram - absorbed.T @ absorbed, onto)
 
     def without(self, turn: np.ndarray, back: np.ndarray) -> Products:
         """Where the directions turn (b, g) of the basis are no longer free, along which the residual has back
@@ -100,7 +108,16 @@ class Fitted:
         """The whitened residual without what the free parameters could still explain."""
         if self._part is not None:
             return (self._part.whole.free_residual + self._part.directions @ self._part.back)[self._part.rows]
-        return self.whitened - self.basis @ (self.basis.T @ self.whitened)
+        return self.cleared(self.whitened)
+
+    def cleared(self, columns: np.ndarray) -> np.ndarray:
+        """(N m + r, ...) of columns, what the free parameters cannot explain."""
+        if self._part is None:
+            return columns - self.basis @ (self.basis.T @ columns)
+        whole = np.zeros((len(self._part.rows), *columns.shape[1:]))
+        whole[self._part.rows] = columns
+        back = self._part.directions @ (self._part.directions.T @ whole)
+        return (self._part.whole.cleared(whole) + back)[self._part.rows]
 
     def without(self, index: int) -> Fitted:
         """The linear picture of the fit without the effect at `index` of the layout."""
@@ -209,18 +226,38 @@ class Fitted:
         kept |= zip((effects[k] for k in new), found)
         return [kept[effect].without(self._part.turn, self._part.back) for effect in effects]
 
+    def along(self, pattern: np.ndarray) -> Callable[[np.ndarray], Products]:
+        """Values (N, k) -> products of the columns that move the measurement along `pattern` (N, m) by
+        them."""
+        return lambda values: self._products_of(self.standard(pattern[:, :, None] * values[:, None]))
+
+    def _products_of(self, columns: np.ndarray) -> Products:
+        """Of columns (N m, k)."""
+        seen = np.flatnonzero(columns.any(axis=1))
+        columns = columns[seen]
+        return Products.of(columns.T @ columns, self.basis[seen].T @ columns,
+                           columns.T @ self.free_residual[seen])
+
     def _scanned(self, effects: list[Effect], masks: list[np.ndarray]) -> list[Products]:
-        if not effects:
-            return []
-        columns = [each[:, mask] for each, mask in zip(self.columns_of(effects), masks)]
+        """By blocks of columns, for one product with the basis is far faster than many."""
+        found, block, width = [], [], 0
+        for place, (effect, mask) in enumerate(zip(effects, masks)):
+            block.append((effect, mask))
+            width += int(mask.sum())
+            if width >= _BLOCK_COLUMNS or place == len(effects) - 1:
+                found += self._scanned_together(block)
+                block, width = [], 0
+        return found
+
+    def _scanned_together(self, block: list[tuple[Effect, np.ndarray]]) -> list[Products]:
+        responses = self.columns_of([effect for effect, _ in block])
+        columns = [each[:, mask] for each, (_, mask) in zip(responses, block)]
         stacked = np.concatenate(columns, axis=1)
-        square, absorbed = np.einsum("ij,ij->j", stacked, stacked), self.basis.T @ stacked
-        onto = stacked.T @ self.free_residual  # which is clear of the basis
+        absorbed, onto = self.basis.T @ stacked, self.free_residual @ stacked  # r is clear of the basis
         found, at = [], 0
         for part in columns:
             where = slice(at, at := at + part.shape[1])
-            within = absorbed[:, where]
-            found.append(Products(square[where], within, part.T @ part - within.T @ within, onto[where]))
+            found.append(Products.of(part.T @ part, absorbed[:, where], onto[where]))
         return found
 
     def whiten(self, response: np.ndarray) -> np.ndarray:

@@ -99,7 +99,7 @@ def _choices(without: Fitted, template: Effect, found: list[Effect],
     width = columns.shape[1] - sum(part.shape[1] for part in own)
     sizes, known = [], []
     for effect, part in zip(found, own):
-        prior, beside = prior_of(effect), part - without.basis @ (without.basis.T @ part)
+        prior, beside = prior_of(effect), without.cleared(part)
         length = np.linalg.norm(beside, axis=0)
         unit = np.sqrt(count) / np.maximum(length, 1e-300)
         sizes.append(np.where(np.isfinite(prior), prior, np.where(length > 0.0, unit, 0.0)))

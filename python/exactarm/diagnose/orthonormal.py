@@ -6,10 +6,14 @@ import numpy as np
 from scipy import linalg
 from scipy.linalg import lapack
 
+# Least of the Cholesky factor of columns of unit length: above the first, one pass is orthonormal to
+# 1e-11 (rounding over its square); below the second, the Gram matrix loses a direction.
+_APART, _NEARLY = 1e-2, 1e-4
+
 
 def orthonormal(columns: np.ndarray, weakest: float = 1e-6) -> np.ndarray:
-    """Orthonormal basis (R, b) of the span of `columns`: Cholesky QR, twice for accuracy (Yamamoto et al.
-    2015).
+    """Orthonormal basis (R, b) of the span of `columns`: Cholesky QR, where they are not well apart twice for
+    accuracy (Yamamoto et al. 2015).
 
     Far faster than a rank-revealing factorisation for tall matrices. Where the columns are nearly dependent,
     the eigenvectors of their Gram matrix serve, without the directions weaker than `weakest` (beside the
@@ -17,10 +21,8 @@ def orthonormal(columns: np.ndarray, weakest: float = 1e-6) -> np.ndarray:
     """
     norm = np.linalg.norm(columns, axis=0)
     basis = columns[:, norm > 0] / norm[norm > 0]
-    for _ in range(2):
-        if basis.shape[1]:
-            basis = _whitened(basis, weakest)
-    return basis
+    basis, apart = _whitened(basis, weakest)
+    return basis if apart else _whitened(basis, weakest)[0]
 
 
 def extended(basis: np.ndarray, columns: np.ndarray) -> np.ndarray:
@@ -47,14 +49,18 @@ def narrowed(basis: np.ndarray, coordinates: np.ndarray, gone: np.ndarray) -> np
     return lapack.dormqr("R", "N", turn, tau, basis, work)[0][:, len(tau) :]
 
 
-def _whitened(basis: np.ndarray, weakest: float) -> np.ndarray:
+def _whitened(basis: np.ndarray, weakest: float) -> tuple[np.ndarray, bool]:
+    """A basis that is more orthonormal, and whether it is so to rounding."""
+    if not basis.shape[1]:
+        return basis, True
     gram = basis.T @ basis
     try:
         factor = linalg.cholesky(gram, lower=True, check_finite=False)
-        if np.diag(factor).min() > 1e-4:
-            return linalg.solve_triangular(factor, basis.T, lower=True, check_finite=False).T
+        least = np.diag(factor).min()
+        if least > _NEARLY:
+            return linalg.solve_triangular(factor, basis.T, lower=True, check_finite=False).T, least > _APART
     except linalg.LinAlgError:
         pass
     values, vectors = linalg.eigh(gram)
     keep = values > weakest**2 * values[-1]
-    return basis @ (vectors[:, keep] / np.sqrt(values[keep]))
+    return basis @ (vectors[:, keep] / np.sqrt(values[keep])), False

@@ -13,6 +13,7 @@ from exactarm.data.kinds import POSES
 from exactarm.diagnose.fitted import Fitted, rows_kept
 from exactarm.diagnose.in_space import InSpace, errors_in_space
 from exactarm.diagnose.next_poses import next_poses, sentence_of
+from exactarm.diagnose.pose_fitted import PoseFitted
 from exactarm.diagnose.problem_at_rest import ProblemAtRest
 from exactarm.diagnose.signal import PLACE, POSITION, Direction, Signal, axis_of, turn_of
 from exactarm.effects.base import Station
@@ -88,8 +89,8 @@ class PoseProblem(ProblemAtRest):
         view = prediction.view
         view.signals["residual"] = residual
         jacobian = prediction.jacobian[:, : residual.shape[1]]
-        fitted = Fitted(self.robot, result.layout, result.fit, residual, jacobian, np.array(sigma), weight,
-                        view, drawing=self.calibrated.drawn.to)
+        fitted = PoseFitted(self.robot, result.layout, result.fit, residual, jacobian, np.array(sigma),
+                            weight, view, drawing=self.calibrated.drawn.to)
         view.signals["scale"] = fitted.scale
         return fitted
 

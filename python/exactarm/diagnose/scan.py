@@ -23,7 +23,6 @@ from exactarm.effects.base import Effect
 
 _ABSORBED = 1e-6  # share of a column's square sum left after projection, below which geometry explains it
 _INVISIBLE = 1e-3  # whitened length that a plausible value must have: below, the column is rounding
-_BLOCK_COLUMNS = 192
 
 
 @dataclass(frozen=True)
@@ -80,19 +79,15 @@ def scan(fitted: Fitted, candidates: list[Effect], count: float) -> list[Candida
     points = Counter(effect.label for effect, _ in variants)
     # a searched order may be in the label
     tried = {point.label: points[effect.label] for effect, point in variants}
-    block: list[tuple[Effect, np.ndarray]] = []
-    width = 0
-    for place, (_, point) in enumerate(variants):
+    linear: list[tuple[Effect, np.ndarray]] = []
+    for _, point in variants:
         kept = point.keep(fitted.view)
         if kept is not None:
             best[point.label] = _excluding(fitted, point, kept, count, families)
         else:
-            block.append((point, free_mask(point)))
-            width += int(block[-1][1].sum())
-        if block and (width >= _BLOCK_COLUMNS or place == len(variants) - 1):
-            products = fitted.products_of([point for point, _ in block], [mask for _, mask in block])
-            _score_block(block, products, square, count, tried, families, best)
-            block, width = [], 0
+            linear.append((point, free_mask(point)))
+    products = fitted.products_of([point for point, _ in linear], [mask for _, mask in linear])
+    _score(linear, products, square, count, tried, families, best)
     return sorted(best.values(), key=lambda c: -c.evidence)
 
 
@@ -106,8 +101,8 @@ def _excluding(fitted: Fitted, point: Effect, kept: np.ndarray, count: float, fa
     return Candidate(point, gain, free, 1, log_evidence(square, gain, count, free, families))
 
 
-def _score_block(block, products, square, count, tried, families, best) -> None:
-    for (point, mask), each in zip(block, products):
+def _score(linear, products, square, count, tried, families, best) -> None:
+    for (point, mask), each in zip(linear, products):
         k, normal, onto = int(mask.sum()), each.normal, each.onto
         plausible, prior, lower, upper = np.array(
             [(p.plausible, p.prior, p.lower, p.upper) for p, keep in zip(point.parameters(), mask) if keep]

@@ -98,10 +98,8 @@ def search_round(problem: Problem, at: At, noise: NoiseModel | None) -> Found | 
     starts = [normal_noise(at.residual, at.jacobian.shape[2], at.groups)]
     starts += [replace(asked, wandering=None)] if asked.family != "gauss" else []
     starts += [asked] if asked.wandering is not None else []
-    found = [f for f in (_settled(problem, at, start) for start in starts) if f is not None]
-    if len(found) < 2:
-        return found[0] if found else None
-    return max(found, key=_score)
+    found = (_settled(problem, at, start) for start in starts)  # one after another: a picture is large
+    return max((f for f in found if f is not None), key=_score, default=None)
 
 
 def _settled(problem: Problem, at: At, noise: NoiseModel) -> Found | None:
@@ -155,10 +153,7 @@ def alike(one: NoiseModel, other: NoiseModel) -> bool:
 def _prediction(picture: Picture, members: Members, at: At, noise: NoiseModel) -> np.ndarray:
     """(N, m) what the set and the declared parameters, moved along, take from the residual (linear
     picture)."""
-    responses = picture.vocabulary.responses
-    taken = np.zeros_like(at.residual)
-    for index, value in zip(members.blocks, picture.coefficients(members)):
-        taken += responses[:, :, picture.vocabulary.blocks[index].where] @ value
+    taken = picture.response(members)
     left = at.residual - taken
     design, right = noise.whiten(at.jacobian), noise.whiten(left[:, :, None])[:, 0]
     norm = np.maximum(np.linalg.norm(design, axis=0), 1e-300)

@@ -16,6 +16,7 @@ size the plausible magnitude of each parameter. Prior probability of a block as 
 from __future__ import annotations
 
 from collections import Counter, defaultdict
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -69,10 +70,34 @@ class Block:
 
 @dataclass(frozen=True)
 class Vocabulary:
-    """blocks, and the responses (N, m, p) of the measurement to a unit of every coefficient, not whitened."""
+    """blocks, and parts (N, m, k) side by side: the responses of the measurement to a unit of every
+    coefficient, not whitened. A block lies in one part."""
 
     blocks: tuple[Block, ...]
-    responses: np.ndarray
+    parts: tuple[np.ndarray, ...]
+
+    @cached_property
+    def _starts(self) -> np.ndarray:
+        return np.cumsum([0, *(part.shape[2] for part in self.parts)])
+
+    @property
+    def width(self) -> int:
+        """p: columns of all parts."""
+        return int(self._starts[-1])
+
+    def response(self, where: slice) -> np.ndarray:
+        """(N, m, k) of the columns of a block."""
+        part = int(np.searchsorted(self._starts, where.start, side="right")) - 1
+        start = self._starts[part]
+        return self.parts[part][:, :, where.start - start : where.stop - start]
+
+    def strips(self, least: int) -> Iterator[tuple[slice, np.ndarray]]:
+        """Columns and responses (N, m, k) of neighbouring parts together, k at least this."""
+        first = 0
+        for last, stop in enumerate(self._starts[1:], start=1):
+            if stop - self._starts[first] >= least or last == len(self.parts):
+                yield slice(self._starts[first], stop), np.concatenate(self.parts[first:last], axis=2)
+                first = last
 
     @cached_property
     def labels(self) -> tuple[tuple[str, ...], np.ndarray]:
@@ -120,34 +145,32 @@ class Vocabulary:
     def joined(self, other: Vocabulary) -> Vocabulary:
         """With the causes of another one, together as probable as one name of this."""
         names = {block.effect.name for block in self.blocks if block.effect is not None}
-        start, lower = self.responses.shape[2], np.log(max(len(names), 1))
+        start, lower = self.width, np.log(max(len(names), 1))
         moved = [
             replace(block, where=slice(block.where.start + start, block.where.stop + start),
                     log_prior=block.log_prior - lower)
             for block in other.blocks
         ]
-        return Vocabulary((*self.blocks, *moved), np.concatenate([self.responses, other.responses], axis=2))
+        return Vocabulary((*self.blocks, *moved), self.parts + other.parts)
 
     def beside(self, effects: list[Effect]) -> Vocabulary:
         """Without the causes that these effects stand for already."""
         taken = {effect.label for effect in effects if not effect.repeatable}
         kept = [block for block in self.blocks if block.label not in taken
                 and not any(block.is_form_of(effect) for effect in effects)]
-        place, blocks, at = {}, [], 0
+        place, blocks, parts, at = {}, [], [], 0
         for block in kept:
             if block.where.start not in place:
                 place[block.where.start] = slice(at, at + block.columns)
+                parts.append(self.response(block.where))
                 at += block.columns
             blocks.append(replace(block, where=place[block.where.start]))
-        columns = [start + np.arange(where.stop - where.start) for start, where in place.items()]
-        columns = np.concatenate(columns) if columns else np.zeros(0, int)
-        return Vocabulary(tuple(blocks), self.responses[:, :, columns])
+        return Vocabulary(tuple(blocks), tuple(parts))
 
 
 def vocabulary_of(fitted, effects: list[Effect], signals: dict, directions: dict) -> Vocabulary:
     """All candidate `effects` at every point of their grids, and unknown functions of `signals` along
     `directions`."""
-    m = fitted.residual.shape[1]
     points = [(effect, point) for effect in effects for point in grid(effect)
               if point.keep(fitted.view) is None]
     counts = Counter(point.label for _, point in points)
@@ -182,8 +205,7 @@ def vocabulary_of(fitted, effects: list[Effect], signals: dict, directions: dict
                                 False))
         parts.append(response)
         at = where.stop
-    rows = fitted.residual.shape[0]
-    return Vocabulary(tuple(blocks), np.concatenate(parts, axis=2) if parts else np.zeros((rows, m, 0)))
+    return Vocabulary(tuple(blocks), tuple(parts))
 
 
 def _same_columns(blocks: list[Block], parts: list, label: str, response: np.ndarray) -> slice | None:

@@ -71,7 +71,7 @@ def holds_elsewhere(problem: Problem, fitted: Fitted, effects: list[Effect]) -> 
 def _promised(fitted: Fitted, columns: np.ndarray, prior: np.ndarray, units: np.ndarray) -> np.ndarray:
     """(U,) by how much the square sum of each unit should fall, if the effect is the same over all of
     them."""
-    left = columns - fitted.basis @ (fitted.basis.T @ columns)
+    left = fitted.cleared(columns)
     penalty = np.diag(1.0 / prior**2) + 1e-10 * np.diag(np.sum(left**2, axis=0) + np.finfo(float).tiny)
     change = left @ np.linalg.solve(left.T @ left + penalty, left.T @ fitted.free_residual)
     return np.bincount(units, weights=_by_row(change[:, None], fitted))
@@ -103,7 +103,7 @@ def _showing(fitted: Fitted, columns: np.ndarray, units: np.ndarray) -> np.ndarr
 def _response(fitted: Fitted, columns: np.ndarray) -> np.ndarray:
     """(N,) how much of what the columns add to the free parameters each row shows: the squares sum to the
     number of columns."""
-    return _by_row(orthonormal(columns - fitted.basis @ (fitted.basis.T @ columns)), fitted)
+    return _by_row(orthonormal(fitted.cleared(columns)), fitted)
 
 
 def _by_row(columns: np.ndarray, fitted: Fitted) -> np.ndarray:

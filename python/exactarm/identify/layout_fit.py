@@ -10,6 +10,7 @@ Gaussian priors, those of many terms that regularise each other. The result depe
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -34,6 +35,37 @@ class LayoutFit:
     sigma: np.ndarray
 
 
+@dataclass(frozen=True)
+class _Point:
+    """An evaluation, residual (R,) and Jacobian (R, P), of rows with a weight (n,) and of priors `pull`
+    (q, P); alike (m,): number of each component's variance."""
+
+    residual: np.ndarray
+    jacobian: np.ndarray
+    weight: np.ndarray
+    alike: np.ndarray
+    pull: np.ndarray
+
+    @cached_property
+    def grams(self) -> list[np.ndarray]:
+        """(P, P) J'J of the weighted rows of every variance, in units of the measurement."""
+        size = self.jacobian.shape[1]
+        data = self.jacobian[: len(self.weight) * len(self.alike)].reshape(len(self.weight), -1, size)
+        found = []
+        for number in range(int(self.alike.max()) + 1):
+            mine = (self.weight[:, None, None] * data[:, self.alike == number]).reshape(-1, size)
+            found.append(mine.T @ mine)
+        return found
+
+    def normal(self, sigma: np.ndarray) -> np.ndarray:
+        """(P, P) J'WJ with standard deviations sigma (m,) of the components; each prior pulls at one
+        parameter."""
+        variances = sigma[np.unique(self.alike, return_index=True)[1]] ** 2
+        found = sum(gram / variance for gram, variance in zip(self.grams, variances))
+        found[np.diag_indices_from(found)] += np.sum(self.pull**2, axis=0)
+        return found
+
+
 def fit_layout(predict: Predict, layout: Layout, weight: np.ndarray, sigma: np.ndarray | None = None, *,
                alike: np.ndarray, floor: np.ndarray | float = 1e-12, robust: bool = False,
                tolerance: float = 1e-10, drawing: Drawing | None = None,
@@ -52,7 +84,7 @@ def fit_layout(predict: Predict, layout: Layout, weight: np.ndarray, sigma: np.n
     bounds = np.array([p.lower for p in parameters]), np.array([p.upper for p in parameters])
     pull, centre = pulls_of(layout, drawing)
 
-    latest: dict[bytes, Evaluation] = {}  # at the last point that was accepted, where the next round begins
+    latest: dict[bytes, _Point] = {}  # at the last point that was accepted, where the next round begins
 
     def evaluate(x: np.ndarray, with_jacobian: bool) -> Evaluation:
         if with_jacobian and x.tobytes() in latest:
@@ -66,7 +98,7 @@ def fit_layout(predict: Predict, layout: Layout, weight: np.ndarray, sigma: np.n
         data = columns[: value.size - len(pull)].reshape(rows.size, residual.shape[1], layout.size)
         np.take(jacobian, rows, axis=0, out=data, mode="clip")  # in place
         latest.clear()
-        latest[x.tobytes()] = Evaluation(value, columns)
+        latest[x.tobytes()] = _Point(value, columns, weight[rows], alike, pull)
         return latest[x.tobytes()]
 
     x, components = layout.values, len(alike)
@@ -81,9 +113,10 @@ def fit_layout(predict: Predict, layout: Layout, weight: np.ndarray, sigma: np.n
         fit = least_squares(
             evaluate, x, weights=np.concatenate([each, np.ones(len(pull))]), bounds=bounds, robust=robust,
             group=int(np.bincount(alike).min()),  # what shares one variance shares a robust weight
-            data_rows=each.size, numbers=numbers, tolerance=tolerance if exact else max(tolerance, _ALONG))
+            data_rows=each.size, numbers=numbers, tolerance=tolerance if exact else max(tolerance, _ALONG),
+            normal=None if robust else partial(_Point.normal, sigma=sigma))
         (last,) = latest.values()
-        spent = _spent(last.jacobian[: each.size], weight[rows], sigma, alike, pull, fit)
+        spent = _spent(last, sigma, fit)
         left = fit.clipped[: each.size].reshape(-1, components)
         new = np.maximum(_spread(left, spent, alike, share[rows]), floor)
         near = one_scale or bool(np.all(np.abs(new / sigma - 1.0) < _SETTLED))
@@ -120,28 +153,16 @@ def _spread(residual: np.ndarray, spent: np.ndarray, alike: np.ndarray, share: n
     return np.sqrt(square / np.maximum(left, 1e-300))[alike]
 
 
-def _spent(columns: np.ndarray, weight: np.ndarray, sigma: np.ndarray, alike: np.ndarray, pull: np.ndarray,
-           fit: Fit) -> np.ndarray:
-    """(m,) leverage of each component's weighted rows, of columns (n m, P) with weight (n,): what is measured
-    best pays for most parameters."""
-    columns, kinds = columns.reshape(len(weight), len(sigma), -1), int(alike.max()) + 1
-    if np.any(weight != 1.0):
-        columns = weight[:, None, None] * columns
-    known, free = fit.sigma > 0.0, ~fit.at_bound
-    grams = []  # of the last component that has a variance of its own only where the rest does not tell
-    for number in range(kinds - 1 if known else kinds):
-        mine = (columns[:, alike == number] / sigma[alike == number, None]).reshape(-1, columns.shape[2])
-        grams.append(mine.T @ mine)
-    if known:
+def _spent(last: _Point, sigma: np.ndarray, fit: Fit) -> np.ndarray:
+    """(m,) leverage of each component's weighted rows: what is measured best pays for most parameters."""
+    if fit.sigma > 0.0:
         inverse = fit.covariance / fit.sigma**2
     else:
-        whole, inverse = sum(grams) + pull.T @ pull, np.zeros(grams[0].shape)
-        scaled, scale = gram_inverse(whole[np.ix_(free, free)])
+        free, inverse = ~fit.at_bound, np.zeros(last.grams[0].shape)
+        scaled, scale = gram_inverse(last.normal(sigma)[np.ix_(free, free)])
         inverse[np.ix_(free, free)] = scaled / np.outer(scale, scale)
-    paid = [np.sum(inverse * gram) for gram in grams]
-    if known:  # all that is seen, less the leverage of the priors, of which each row pulls at one parameter
-        paid.append(fit.rank - np.sum(pull**2 @ np.diag(inverse)) - sum(paid))
-    return (np.array(paid) / np.bincount(alike))[alike]
+    paid = np.array([np.sum(inverse * gram) for gram in last.grams])[last.alike]
+    return paid / sigma**2 / np.bincount(last.alike)[last.alike]
 
 
 def pulls_of(layout: Layout, drawing: Drawing | None = None) -> tuple[np.ndarray, np.ndarray]:

@@ -167,6 +167,7 @@ def least_squares(
     numbers: float | None = None,
     tolerance: float = 1e-10,
     most_iterations: int = 200,
+    normal: Callable[[Evaluation], np.ndarray] | None = None,
 ) -> Fit:
     """Minimises the weighted residual; `evaluate(x, with_jacobian)`.
 
@@ -174,7 +175,8 @@ def least_squares(
     weight (3 for a position); `data_rows`: the first so many residuals are data, the rest pseudo-observations
     of a prior, which no robust loss touches; `numbers`: independent numbers that the residuals are worth (as
     many as there are). `tolerance`: converged where the linear model, inside the bounds
-    and without any radius, promises a fall of the square sum by less than this share of it.
+    and without any radius, promises a fall of the square sum by less than this share of it. `normal`: J'WJ of
+    an evaluation, where there is a shorter way to it; for a loss that is not robust.
     """
     x = np.array(start, float)
     lower, upper = bounds if bounds is not None else (np.full(x.size, -np.inf), np.full(x.size, np.inf))
@@ -189,14 +191,14 @@ def least_squares(
     radius, scale, reason = np.inf, np.zeros(x.size), f"stopped at the limit of {most_iterations} iterations"
     for iteration in range(1, most_iterations + 1):  # noqa: B007 (told at the end)
         weight = w * soft
-        model = Model(weight[:, None] * now.jacobian, -weight * now.residual)
+        model = _model(now, weight, normal)
         norms = np.sqrt(np.diag(model.normal))
         size, square = _length(norms * x), _length(weight * now.residual) ** 2
         enough = max(tolerance * square, (_ROUNDING * size) ** 2)
         # Never shorter than before (Moré 1978): a column that fades is not let loose. At the end it counts as
         # it is.
         widest = np.maximum(scale, norms)
-        for scale in (widest, norms):
+        for scale in (norms,) if np.array_equal(widest, norms) else (widest, norms):
             unit = np.where(scale > 0.0, scale, 1.0)
             model = model.scaled(unit)
             low, high = (lower - x) * unit, (upper - x) * unit
@@ -227,8 +229,12 @@ def least_squares(
         if robust:
             soft = _robust_weights(w * now.residual, group, data)
     else:
-        model = Model((w * soft)[:, None] * now.jacobian, -w * soft * now.residual)
+        model = _model(now, w * soft, normal)
     return _finish(now, w, soft, _mean_slope(soft[:data], group), x, lower, upper, reason, iteration, model)
+
+
+def _model(now: Evaluation, weight: np.ndarray, normal) -> Model:
+    return Model(now.jacobian, -weight * now.residual, weight=weight, normal=normal and normal(now))
 
 
 def _descend(evaluate, model: Model, whole: Step, x, now: Evaluation, weight, unit, bounds, radius: float):
@@ -252,6 +258,8 @@ def _descend(evaluate, model: Model, whole: Step, x, now: Evaluation, weight, un
             return None, radius
         bend = _bend(evaluate, model, step, x, now, weight, unit) if step.shift > 0.0 else np.zeros_like(x)
         trial = np.clip(x + (step.step + 0.5 * bend) / unit, *bounds)
+        for bound, met in zip(bounds, (step.step <= low, step.step >= high)):
+            trial[met] = bound[met]  # to the last digit, whatever the unit
         ratio = -1.0
         if 2.0 * _length(bend) <= _MOST_BENT * length:
             with np.errstate(over="ignore", invalid="ignore"):
@@ -275,7 +283,7 @@ def _bend(evaluate, model: Model, step: Step, x, now: Evaluation, weight, unit) 
         return np.full(len(x), np.inf)
     values, vectors = model.spectrum(step.free)
     bend = np.zeros(len(x))
-    onto = vectors.T @ (model.jacobian.T @ second / model.unit)[step.free]
+    onto = vectors.T @ (model.across(second) / model.unit)[step.free]
     bend[step.free] = -vectors @ (onto / (values + step.shift))
     return bend
 

@@ -28,16 +28,30 @@ _RADIUS_MET = 0.05  # relative
 
 
 class Model:
-    """The quadratic model at a point: jacobian J (R, P), residual (R,) as predicted minus measured; its
-    variables are x * unit (P,).
+    """The quadratic model at a point: J = weight (R,) times the rows of `jacobian` (R, P), residual (R,) as
+    weight times predicted minus measured; its variables are x * unit (P,).
 
-    normal (P, P) = J'J and downhill (P,) = J'r, not scaled; gram and gradient are those of J / unit.
+    normal (P, P) = J'J, worked out here where it is not known, and downhill (P,) = J'r, not scaled; gram and
+    gradient are those of J / unit.
     """
 
-    def __init__(self, jacobian: np.ndarray, residual: np.ndarray, unit: np.ndarray | None = None):
+    def __init__(self, jacobian: np.ndarray, residual: np.ndarray, unit: np.ndarray | None = None, *,
+                 weight: np.ndarray | None = None, normal: np.ndarray | None = None):
         self.jacobian, self.residual = jacobian, residual
-        self.normal, self.downhill = jacobian.T @ jacobian, jacobian.T @ residual
+        self.weight = np.ones(len(residual)) if weight is None else weight
+        if normal is None:
+            rows = self._columns(slice(None))
+            normal = rows.T @ rows
+        self.normal, self.downhill = normal, self.across(residual)
         self._scale(np.ones(jacobian.shape[1]) if unit is None else unit)
+
+    def _columns(self, which: np.ndarray | slice) -> np.ndarray:
+        """(R, k) some columns of J."""
+        return self.weight[:, None] * self.jacobian[:, which]
+
+    def across(self, values: np.ndarray) -> np.ndarray:
+        """(P,) J'v of values v (R,)."""
+        return self.jacobian.T @ (self.weight * values)
 
     def _scale(self, unit: np.ndarray) -> None:
         self.unit = unit
@@ -54,7 +68,7 @@ class Model:
 
     def ahead(self, step: np.ndarray) -> np.ndarray:
         """(R,) the change of the prediction along `step`."""
-        return self.jacobian @ (step / self.unit)
+        return self.weight * (self.jacobian @ (step / self.unit))
 
     def fall(self, step: np.ndarray) -> float:
         """How far the half square sum falls along `step`."""
@@ -86,7 +100,7 @@ class Model:
             return None
         factor = (lower[:strong, :strong], True)
         one, other = order[:strong], order[strong:]
-        columns = self.jacobian[:, free][:, order] / self.unit[free][order]
+        columns = self._columns(np.flatnonzero(free)[order]) / self.unit[free][order]
         part = linalg.cho_solve(factor, gram[np.ix_(one, other)], check_finite=False)
         left = columns[:, strong:] - columns[:, :strong] @ part
         again = linalg.cho_solve(factor, columns[:, :strong].T @ left, check_finite=False)
@@ -113,7 +127,7 @@ class Model:
     def _spectrum(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         values, vectors = linalg.eigh(self.gram[np.ix_(free, free)], check_finite=False)
         if values.size and values[0] < _SQUARED * values[-1]:
-            columns = self.jacobian[:, free] / self.unit[free]
+            columns = self._columns(free) / self.unit[free]
             upper = linalg.qr(columns, mode="r", check_finite=False)[0][: values.size]
             singular, rows = linalg.svd(upper, full_matrices=False, check_finite=False)[1:]
             rows = rows if len(rows) == values.size else linalg.svd(upper)[2]
