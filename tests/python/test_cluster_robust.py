@@ -12,13 +12,17 @@ from exactarm.diagnose.scan import log_evidence
 ROWS = 300
 
 
+def nothing_free(residual):
+    return SimpleNamespace(free_residual=residual, data_numbers=residual.size,
+                           cleared=lambda columns: columns)
+
+
 def evidence_of(column, residual, tried=500.0):
     """Evidence as in the scan and by the scatter of the rows, of one column (3 N,) on a white picture without
     a basis."""
     gain = float((column @ residual) ** 2 / (column @ column))
     plain = log_evidence(float(residual @ residual), gain, residual.size, 1, tried)
-    fitted = SimpleNamespace(basis=np.zeros((residual.size, 0)), free_residual=residual,
-                             data_numbers=residual.size)
+    fitted = nothing_free(residual)
     candidate = SimpleNamespace(evidence=plain, gain=gain)
     return plain, robust_evidence(fitted, candidate, column[:, None], np.arange(ROWS), float(residual.size))
 
@@ -56,6 +60,6 @@ def test_true_cause_keeps_its_evidence():
 def test_too_few_groups_say_nothing():
     rng = np.random.default_rng(6)
     column, residual = rng.normal(size=(2, 12))
-    fitted = SimpleNamespace(basis=np.zeros((12, 0)), free_residual=residual, data_numbers=12)
+    fitted = nothing_free(residual)
     candidate = SimpleNamespace(evidence=7.0, gain=1.0)
     assert robust_evidence(fitted, candidate, column[:, None], np.arange(4), 12.0) == 7.0

@@ -228,7 +228,7 @@ def test_the_size_at_the_tool_is_that_of_the_rows_that_are_moved():
     """A zero that moved in the last quarter of the rows: their median, not that of all."""
     moved = np.zeros((40, 3))
     moved[30:, 1] = 2e-3
-    without = SimpleNamespace(whiten=lambda rows: rows.reshape(-1, 1) / 1e-4, basis=np.zeros((120, 0)),
+    without = SimpleNamespace(whiten=lambda rows: rows.reshape(-1, 1) / 1e-4, cleared=lambda columns: columns,
                               data_numbers=120, sigma=np.full(3, 1e-4))
     assert np.allclose(_at_tool(without, moved), np.full(10, 2e-3))
 

@@ -29,6 +29,7 @@ def state_of(residual):
     basis = np.full((ROWS, 1), ROWS**-0.5)
     free = residual - basis[:, 0] * (basis[:, 0] @ residual)
     return SimpleNamespace(whitened=residual, free_residual=free, basis=basis, data_numbers=ROWS,
+                           cleared=lambda columns: columns - basis @ (basis.T @ columns),
                            residual=residual[:, None], columns=lambda cause: cause.response[:, None])
 
 
