@@ -65,8 +65,7 @@ class Field:
                             for law in laws]) + np.log(np.maximum(p, 1e-300))[:, None]
             posterior = np.exp(log - np.logaddexp.reduce(log, axis=0))
             left -= probability * float(
-                np.mean(np.sum(posterior * np.log2(np.maximum(posterior, 1e-300)), axis=0))
-            )
+                np.mean(np.sum(posterior * np.log2(np.maximum(posterior, 1e-300)), axis=0)))
         return max(self.entropy - left, 0.0)
 
 

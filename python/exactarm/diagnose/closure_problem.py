@@ -66,9 +66,7 @@ class ClosureFitted(Fitted):
                 for k in range(used.shape[1])]
         return ClosureFitted(
             fit.robot, fit.layout, fit.fit, prediction.residual, prediction.jacobian, np.array(mean),
-            fit.weight, prediction.view,
-            fit.worth, fit.sigma, pulls, prediction,
-        )
+            fit.weight, prediction.view, fit.worth, fit.sigma, pulls, prediction)
 
     @cached_property
     def scale(self) -> np.ndarray:
@@ -142,8 +140,7 @@ class ClosureProblem(ProblemAtRest):
     @cached_property
     def _declared(self) -> ClosureFit:
         sessions = tuple(
-            sorted({*sessions_of(self.data), *(sessions_of(self.held_out) if len(self.held_out) else ())})
-        )
+            sorted({*sessions_of(self.data), *(sessions_of(self.held_out) if len(self.held_out) else ())}))
         own = reestimated_layout(self.robot, self.data)
         known = carried_effects(self.robot, self.data).effects
         carried = own.only(k for k, effect in enumerate(own.effects) if effect in known)
@@ -151,10 +148,8 @@ class ClosureProblem(ProblemAtRest):
 
     def fit(self, layout: Layout, weight: np.ndarray | None = None,
             sigma: np.ndarray | None = None) -> Fitted:
-        fit = fit_closures(
-            self.robot, layout, self.data, self.pulls, keep=weight, worth=self._declared.worth,
-            threads=self.threads, tolerance=self.tolerance,
-        )
+        fit = fit_closures(self.robot, layout, self.data, self.pulls, keep=weight, worth=self._declared.worth,
+                           threads=self.threads, tolerance=self.tolerance)
         fitted, view = ClosureFitted.of(fit, self.pulls), fit.prediction.view
         view.signals |= {"residual": fitted.residual, "scale": fitted.scale}
         view.through = fit.prediction.passage
@@ -228,10 +223,7 @@ class ClosureProblem(ProblemAtRest):
         axes = sorted({effect.joint for effect in (one, other) if effect.joint is not None})
         turned = " and ".join(str(axis) for axis in axes)
         seen = ", ".join(
-            f"axis {axis} {np.degrees(np.ptp(fitted.view.q[:, axis - 1])):.0f} degrees" for axis in axes
-        )
-        more = (
-            f"turn axis {turned} through more of the range (so far {seen})"
-            if axes else "load the arm differently"
-        )
+            f"axis {axis} {np.degrees(np.ptp(fitted.view.q[:, axis - 1])):.0f} degrees" for axis in axes)
+        more = (f"turn axis {turned} through more of the range (so far {seen})"
+                if axes else "load the arm differently")
         return f"Touch the same contacts from other sides, and set the fixture up at one more place: {more}."

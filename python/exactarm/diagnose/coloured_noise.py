@@ -97,8 +97,7 @@ class ColouredNoise:
             count = max(self._share_of(left[:numbers].reshape(shape), runs,
                                        step) * (numbers - basis.shape[1]), 1.0)
             square, price = float(residual @ residual), np.prod(
-                [float(c.tried * len(candidates)) for c in group]
-            )
+                [float(c.tried * len(candidates)) for c in group])
             return log_evidence(square, square - float(left @ left), count, sum(c.free for c in group),
                                 price), added, left
 

@@ -148,12 +148,9 @@ def _contribution(fitted: Fitted, index: int, signals: dict, directions: dict, u
     return Contribution(
         effect, signal, _UNITS.get(signal.quantity, ""), _follows(named[signal], value) > FOLLOWS,
         named[signal][rows], value[rows], _half(fitted, slopes[rows], covariance), value_unit, direction,
-        before[rows],
-        after[rows], tool, residual_unit,
+        before[rows], after[rows], tool, residual_unit,
         (float(value[high] - value[low]), float(_half(fitted, difference[None], covariance)[0])), rigid,
-        waves is not None,
-        _own_curves(fitted, index, rows) if own == signal else (),
-    )
+        waves is not None, _own_curves(fitted, index, rows) if own == signal else ())
 
 
 def _own_curves(fitted: Fitted, index: int, rows: np.ndarray) -> tuple[OwnCurve, ...]:
@@ -286,8 +283,7 @@ def _at_measurement(fitted: Fitted, moved: np.ndarray, columns: np.ndarray, dire
 def _half(fitted: Fitted, slopes: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """(N,) 95 % half widths from slopes (N, k) and covariance (k, k)."""
     return np.asarray(
-        fitted.fit.half_width(np.sqrt(np.maximum(np.einsum("nk,kl,nl->n", slopes, covariance, slopes), 0.0)))
-    )
+        fitted.fit.half_width(np.sqrt(np.maximum(np.einsum("nk,kl,nl->n", slopes, covariance, slopes), 0.0))))
 
 
 def _told_over(named: dict[Signal, np.ndarray], value: np.ndarray) -> Signal:

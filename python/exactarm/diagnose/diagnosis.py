@@ -139,10 +139,8 @@ class Diagnosis:
         return not self.unconverged
 
 
-def diagnose(
-    robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: int = 1,
-    progress: Progress = lambda text: None
-) -> Diagnosis:
+def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: int = 1,
+             progress: Progress = lambda text: None) -> Diagnosis:
     """Finds what the model of `robot` lacks on `data` (of one kind); validation rows choose nothing."""
     identification = data.split(seed)
     train, held_out = data.select(identification), data.select(~identification)
@@ -169,12 +167,10 @@ def diagnose(
     after = {name: summarise(values[np.isfinite(values)]) for name, values in errors[-1].items()}
     own = own_shares(problem, last, len(declared.effects))
     gains = held_out_gains(errors, problem.numbers_of_error, problem.correlation_factor(last))
-    findings = tuple(
-        _finding(accepted, last, declared, place, errors, problem, own[place] if own else None,
-                 accepted.probability if causes
-                 else allowed(accepted.probability * accepted.share, gains[accepted.round]))
-        for place, accepted in enumerate(selection.accepted)
-    )
+    findings = tuple(_finding(accepted, last, declared, place, errors, problem, own[place] if own else None,
+                              accepted.probability if causes
+                              else allowed(accepted.probability * accepted.share, gains[accepted.round]))
+                     for place, accepted in enumerate(selection.accepted))
     alternatives = _alternatives(problem, declared, selection)
     progress(NEXT)
     words, experiments = next_experiments(problem, last, findings, alternatives)
@@ -200,38 +196,19 @@ def diagnose(
     wrong = (last.weight == 0.0) & (first.weight > 0.0)  # rows that an effect of the record leaves out
     return Diagnosis(
         robot=kept_masses(_bound(problem.updated_robot(last), robot, data), robot),
-        kind=problem.kind,
-        unit=problem.unit,
-        noise=noise,
-        before=before,
-        after=after,
-        findings=findings,
-        alternatives=alternatives,
-        verdict=verdict,
+        kind=problem.kind, unit=problem.unit, noise=noise, before=before, after=after, findings=findings,
+        alternatives=alternatives, verdict=verdict,
         sentence=no_verdict(unconverged) if unconverged else sentence_of(
             verdict, findings, alternatives, before, after, left, excess, unknown, sum(gains), undecided),
-        causes=causes,
-        unconverged=unconverged,
-        drafts=drafts,
-        waves=waves,
-        excess=excess,
-        held_out_gain=sum(gains),
-        next_experiment=words,
-        experiments=experiments,
-        dossier_before=had,
-        dossier_after=left,
-        errors_before=errors[0],
-        errors_after=errors[-1],
-        selection=selection,
-        problem=problem,
-        excluded=int(wrong.sum()),
+        causes=causes, unconverged=unconverged, drafts=drafts, waves=waves, excess=excess,
+        held_out_gain=sum(gains), next_experiment=words, experiments=experiments, dossier_before=had,
+        dossier_after=left, errors_before=errors[0], errors_after=errors[-1], selection=selection,
+        problem=problem, excluded=int(wrong.sum()),
         excluded_error=_median_error(last.residual[wrong]),
         excluded_places=tuple(problem.data.place_of(row) for row in np.flatnonzero(wrong)),
-        axes=problem.axes(first, last),
-        left_out=problem.left_out(),
+        axes=problem.axes(first, last), left_out=problem.left_out(),
         contributions=contributions(problem, last, declared),
-        in_space=problem.in_space(first, last),
-    )
+        in_space=problem.in_space(first, last))
 
 
 def _unknown_beside(causes: Causes | None, findings: tuple[Finding, ...]) -> tuple[Structure, ...]:
@@ -317,10 +294,8 @@ def _known_beside(problem: Problem, fitted: Fitted, noise: NoiseModel, rows: np.
 def _errors(problem: Problem, fitted: Fitted) -> dict[str, np.ndarray]:
     """Errors of both sets; NaN where an effect of the record leaves a row out."""
     held = problem.held_out
-    return {
-        "identification": problem.errors(fitted, problem.data),
-        "validation": problem.errors(fitted, held) if len(held) else np.zeros(0),
-    }
+    return {"identification": problem.errors(fitted, problem.data),
+            "validation": problem.errors(fitted, held) if len(held) else np.zeros(0)}
 
 
 def _judged(errors: dict[str, np.ndarray]) -> np.ndarray:
@@ -348,21 +323,12 @@ def _finding(accepted: Accepted, last, declared, place, errors, problem, own_sha
     judged = "validation" if before["validation"].size else "identification"
     fall = f"{judged} RMS {rms_of(_judged(before)):.3g} to {rms_of(_judged(after)):.3g} {problem.unit}"
     return Finding(
-        effect,
-        intervals,
-        rms_of(_judged(before)),
-        rms_of(_judged(after)),
-        probability,
+        effect, intervals, rms_of(_judged(before)), rms_of(_judged(after)), probability,
         f"{effect.describe_on(problem.robot)}; log evidence {accepted.evidence:.0f} over a model without it, "
         + fall
         + (f"; {caveat}" if caveat else "")
         + (f"; likelier: {accepted.likelier}" if accepted.likelier else ""),
-        derived,
-        accepted.credible_set,
-        own_share,
-        accepted.likelier,
-        caveat,
-    )
+        derived, accepted.credible_set, own_share, accepted.likelier, caveat)
 
 
 def _alternatives(problem: Problem, declared: Layout, selection: Selection) -> tuple[Alternative, ...]:
@@ -372,8 +338,7 @@ def _alternatives(problem: Problem, declared: Layout, selection: Selection) -> t
     strongest = sorted(
         ((rival, place) for place, a in enumerate(selection.accepted) for rival in a.rivals[:_RIVALS_EACH]
          if rival.evidence > 0.0),
-        key=lambda pair: selection.accepted[pair[1]].evidence - pair[0].evidence,
-    )
+        key=lambda pair: selection.accepted[pair[1]].evidence - pair[0].evidence)
     found = []
     for rival, place in strongest[: _RIVALS if last.layout.size < _MANY_PARAMETERS else 1]:
         accepted = selection.accepted[place]
@@ -381,8 +346,6 @@ def _alternatives(problem: Problem, declared: Layout, selection: Selection) -> t
                                        chosen[:place] + [rival.effect] + chosen[place + 1 :], last))
         left = rms_of(_judged(_errors(problem, fitted)))
         probability = float(np.exp(min(rival.evidence - accepted.evidence, 0.0)) * accepted.probability)
-        found.append(Alternative(
-            fitted.layout.effects[len(declared.effects) + place], accepted.effect.label,
-            left, probability, probability > DOUBT,
-        ))
+        found.append(Alternative(fitted.layout.effects[len(declared.effects) + place], accepted.effect.label,
+                                 left, probability, probability > DOUBT))
     return tuple(sorted(found, key=lambda a: -a.probability))

@@ -71,15 +71,9 @@ def is_series(effect: Expression) -> bool:
 
 def sum_of(one: Expression, other: Expression) -> Expression:
     """The two formulas added up; their parameters have different names."""
-    return replace(
-        one,
-        form=f"{one.form} + {other.form}",
-        of=tuple(dict.fromkeys((*one.of, *other.of))),
-        names=one.names + other.names,
-        values=one.values + other.values,
-        plausible=one.plausible + other.plausible,
-        searched=one.searched + other.searched,
-    )
+    return replace(one, form=f"{one.form} + {other.form}", of=tuple(dict.fromkeys((*one.of, *other.of))),
+                   names=one.names + other.names, values=one.values + other.values,
+                   plausible=one.plausible + other.plausible, searched=one.searched + other.searched)
 
 
 def _of_one(joint: int, name: str, values: np.ndarray, term: int) -> list[Expression]:
@@ -93,12 +87,9 @@ def _of_one(joint: int, name: str, values: np.ndarray, term: int) -> list[Expres
     if name.startswith("q_"):
         texts += [f"a*sin({_times(k, name)}) + b*cos({_times(k, name)})" for k in _HARMONICS]
     made = [_expression(joint, text, {name: values}, {}, term) for text in texts]
-    for text, grids in (
-        (f"a*abs({name} - c)", {"c": places}),
-        (f"a*tanh(({name} - c)/w)", {"c": places, "w": widths}),
-        (f"a*exp({s}/w)", {"w": widths[2:]}),
-        (f"a*exp(-{s}/w)", {"w": widths[2:]}),
-    ):
+    for text, grids in ((f"a*abs({name} - c)", {"c": places}),
+                        (f"a*tanh(({name} - c)/w)", {"c": places, "w": widths}),
+                        (f"a*exp({s}/w)", {"w": widths[2:]}), (f"a*exp(-{s}/w)", {"w": widths[2:]})):
         made.append(_expression(joint, text, {name: values}, grids, term))
     return [effect for effect in made if effect is not None] + [_series(joint, {name: values}, term)]
 
@@ -134,15 +125,8 @@ def _expression(joint, text: str, signals: dict, grids: dict, term: int) -> Expr
         if name in linear and not (np.isfinite(spread) and spread > 0.0):
             return None
         plausible.append(AMPLITUDE / spread if name in linear else abs(start[name]) or 1.0)
-    effect = Expression(
-        joint,
-        tuple(start.get(name, 0.0) for name in names),
-        form=text,
-        of=tuple(signals),
-        names=names,
-        plausible=tuple(plausible),
-        searched=tuple(grids.items()),
-    )
+    effect = Expression(joint, tuple(start.get(name, 0.0) for name in names), form=text, of=tuple(signals),
+                        names=names, plausible=tuple(plausible), searched=tuple(grids.items()))
     return _numbered(effect, term) if term else effect
 
 
@@ -165,23 +149,13 @@ def _series_of(joint: int, signals: dict[str, np.ndarray], term: int, count: int
     if len(factors) == 1:
         terms = list(zip(factors[0], size))
     else:
-        terms = [
-            (f"{f}*{g}", a * b)
-            for f, a in zip(factors[0], size)
-            for g, b in zip(factors[1], size / AMPLITUDE)
-        ]
+        terms = [(f"{f}*{g}", a * b) for f, a in zip(factors[0], size)
+                 for g, b in zip(factors[1], size / AMPLITUDE)]
         terms += [(f, a) for part in factors for f, a in zip(part, size)]
     names = tuple(f"a{term or ''}_{k}" for k in range(1, len(terms) + 1))
     form = " + ".join(f"{name}*{text}" for name, (text, _) in zip(names, terms))
-    return Expression(
-        joint,
-        (0.0,) * len(names),
-        form=form,
-        of=tuple(signals),
-        names=names,
-        plausible=tuple(float(each) for _, each in terms),
-        heading=_SERIES,
-    )
+    return Expression(joint, (0.0,) * len(names), form=form, of=tuple(signals), names=names,
+                      plausible=tuple(float(each) for _, each in terms), heading=_SERIES)
 
 
 def _numbered(effect: Expression, term: int) -> Expression:
@@ -189,12 +163,8 @@ def _numbered(effect: Expression, term: int) -> Expression:
     numbered = {name: f"{name}{term}" for name in effect.names}
     names = tuple(numbered.values())
     form = _renamed(effect.form, numbered)
-    return replace(
-        effect,
-        form=form,
-        names=names,
-        searched=tuple((numbered[name], grid) for name, grid in effect.searched),
-    )
+    return replace(effect, form=form, names=names,
+                   searched=tuple((numbered[name], grid) for name, grid in effect.searched))
 
 
 def _renamed(text: str, names: dict[str, str]) -> str:

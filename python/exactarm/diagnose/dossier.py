@@ -87,8 +87,7 @@ def indicator(values: np.ndarray) -> np.ndarray:
 
 def _effective(problem: Problem, fitted: Fitted) -> float:
     return problem.correlation_factor(fitted) * float(
-        np.count_nonzero(fitted.whitened[: fitted.data_numbers])
-    )
+        np.count_nonzero(fitted.whitened[: fitted.data_numbers]))
 
 
 def _test(products: Products, square: float, freedom: float) -> tuple[float, float]:
@@ -124,5 +123,4 @@ def _over_space(problem: Problem, fitted: Fitted, tests: int) -> list[Follows]:
 def _lag_one(fitted: Fitted) -> float:
     rows = fitted.residual / fitted.sigma
     return float(
-        np.mean(np.sum(rows[1:] * rows[:-1], axis=1)) / max(np.mean(np.sum(rows**2, axis=1)), 1e-300)
-    )
+        np.mean(np.sum(rows[1:] * rows[:-1], axis=1)) / max(np.mean(np.sum(rows**2, axis=1)), 1e-300))

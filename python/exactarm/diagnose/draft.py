@@ -96,31 +96,23 @@ class Draft:
         formula = self.effect.form if self.short else "no short formula fits; a series of cosines does"
         numbers = (
             ", ".join(f"{name} = {value:.3g}" for name, value in zip(self.effect.names, self.effect.values))
-            if self.short
-            else ""
-        )
+            if self.short else "")
         gaps = [gaps_in_words(name, gaps, self.slides) for name, gaps in self.gaps.items() if gaps]
         values = f" {self.unit} with {numbers}" if numbers else ""
-        return (
-            f"{self.effect.title}: {formula}{values}. Suspect: {self.suspect}."
-            + (f" Not measured: {'; '.join(gaps)}." if gaps else "")
-        )
+        return (f"{self.effect.title}: {formula}{values}. Suspect: {self.suspect}."
+                + (f" Not measured: {'; '.join(gaps)}." if gaps else ""))
 
     def to_table(self) -> dict:
         """An entry [[effects]] of draft.toml."""
         effect = self.effect
         table = effect.to_table() | {"station": effect.station.name}
         table["intervals"] = {
-            name: [float(low), float(high)] for name, (low, high) in zip(effect.names, self.intervals)
-        }
+            name: [float(low), float(high)] for name, (low, high) in zip(effect.names, self.intervals)}
         table["measured_between"] = {name: list(ends) for name, ends in self.measured.items()}
         if any(self.gaps.values()):
             table["gaps"] = {name: [list(gap) for gap in gaps] for name, gaps in self.gaps.items() if gaps}
-        table["evidence"] = {
-            "log_bayes": self.log_bayes,
-            "probability": self.probability,
-            "held_out_rms_m": list(self.held_out),
-        }
+        table["evidence"] = {"log_bayes": self.log_bayes, "probability": self.probability,
+                             "held_out_rms_m": list(self.held_out)}
         return table | {"short_formula": self.short, "suspect": self.suspect, "status": "draft"}
 
 
@@ -175,8 +167,7 @@ def _unknown_axes(problem: Problem,
         block = vocabulary.blocks[index]
         if block.label in by_label:
             signals[by_label[block.label]] += [
-                s for s in block.unknown.signals if s not in signals[by_label[block.label]]
-            ]
+                s for s in block.unknown.signals if s not in signals[by_label[block.label]]]
     sure = {by_label.get(vocabulary.blocks[i].label) for i in certain.blocks}
     found = {}
     for axis, names in signals.items():
@@ -190,9 +181,8 @@ def _any_of(mine: set[str], labels: tuple[str, ...]) -> bool:
     return not mine.isdisjoint(labels)
 
 
-def _best_formula(
-    fitted: Fitted, absorbed: Absorbed, parted: CrossValidation, axis: int, found: list[Signal]
-) -> tuple[Expression | None, float]:
+def _best_formula(fitted: Fitted, absorbed: Absorbed, parted: CrossValidation, axis: int,
+                  found: list[Signal]) -> tuple[Expression | None, float]:
     """The likeliest formula in the signals found, its log Bayes factor; None where none holds."""
     formulas = [formula for formula in map(_in_formulas, found) if formula is not None][:_MOST_SIGNALS]
     signals = {name: signal_of(fitted.view, name) for name in formulas}
@@ -227,8 +217,7 @@ def _likeliest(fitted: Fitted, absorbed: Absorbed, forms: list[Expression]):
     weight = additions.log_weight - picture.log_prior
     names, which = vocabulary.labels
     value = np.array(
-        [np.logaddexp.reduce(weight[which == k]) - np.log(np.sum(which == k)) for k in range(len(names))]
-    )
+        [np.logaddexp.reduce(weight[which == k]) - np.log(np.sum(which == k)) for k in range(len(names))])
     series = {block.label for block in vocabulary.blocks if is_series(block.effect)}
     top = int(np.argmax(value - _SERIES_COSTS * np.isin(names, list(series))))
     index = int(np.argmax(np.where(which == top, weight, -np.inf)))
@@ -239,9 +228,8 @@ def _likeliest(fitted: Fitted, absorbed: Absorbed, forms: list[Expression]):
     return block.effect.with_values(values), float(value[top]), picture, members
 
 
-def _draft(
-    problem: Problem, before: Fitted, after: Fitted, log_bayes: float, probability: float, short: bool
-) -> Draft:
+def _draft(problem: Problem, before: Fitted, after: Fitted, log_bayes: float, probability: float,
+           short: bool) -> Draft:
     effect, where, free = after.layout.effects[-1], after.layout.slices[-1], after.layout.free[-1]
     intervals = np.column_stack([effect.values, effect.values]).astype(float)
     intervals[free] = after.fit.interval()[where]
@@ -249,17 +237,11 @@ def _draft(
     data, slides = problem.judged, frozenset(
         i for i, joint in enumerate(problem.robot.joints, start=1) if joint.type == "prismatic")
     return Draft(
-        effect,
-        intervals,
+        effect, intervals,
         {name: (float(values.min()), float(values.max())) for name, values in signals.items()},
-        {name: gaps_of(values) for name, values in signals.items()},
-        log_bayes,
-        probability,
+        {name: gaps_of(values) for name, values in signals.items()}, log_bayes, probability,
         tuple(float(np.sqrt(np.nanmean(problem.errors(fitted, data) ** 2))) for fitted in (before, after)),
-        _suspect(effect, slides),
-        short,
-        slides,
-    )
+        _suspect(effect, slides), short, slides)
 
 
 def gaps_of(values: np.ndarray) -> tuple[tuple[float, float], ...]:
@@ -309,29 +291,17 @@ def _suspect(effect: Effect, slides: frozenset[int]) -> str:
         if signal == "time_h":
             found.append("something that settles, warms up or creeps with time")
         elif kind == "torque":
-            found.append(
-                "something elastic or slack under its own load"
-                if own
-                else f"something that bends under the load of axis {axis}"
-            )
+            found.append("something elastic or slack under its own load" if own
+                         else f"something that bends under the load of axis {axis}")
         elif kind == "approach":
-            found.append(
-                "friction or play that stays after a motion"
-                if own
-                else f"a mechanical path that the last motion of axis {axis} strains"
-            )
+            found.append("friction or play that stays after a motion" if own
+                         else f"a mechanical path that the last motion of axis {axis} strains")
         elif kind == "q" and axis.isdigit() and int(axis) in slides:
-            found.append(
-                "the screw or the scale of the axis itself"
-                if own
-                else f"the guide of axis {axis}, or a cable that it pulls along"
-            )
+            found.append("the screw or the scale of the axis itself" if own
+                         else f"the guide of axis {axis}, or a cable that it pulls along")
         elif kind == "q":
-            found.append(
-                "the gear or the encoder of the axis itself"
-                if own
-                else f"a hose, a cable or a linkage that axis {axis} pulls along or winds up"
-            )
+            found.append("the gear or the encoder of the axis itself" if own
+                         else f"a hose, a cable or a linkage that axis {axis} pulls along or winds up")
         else:
             found.append(f"something that changes with {signal}")
     return "; ".join(dict.fromkeys(found))

@@ -119,22 +119,14 @@ class GearProblem(ProblemInTime):
         weights = rows * np.sqrt(self._noise.share)
         found = fit_gear_runs(
             self.robot, layout, self.resampled, record=self.record, weights=weights, drift=drift,
-            threads=self.threads
-        )
+            threads=self.threads)
         prediction = found.prediction
         residual, keep = prediction.residual(), self.record.keep & (rows > 0.0)
         white = residual if drift is None else drift.white(residual)
-        return GearFitted(
-            robot=self.robot,
-            layout=found.layout,
-            fit=found.fit,
-            residual=residual,
-            jacobian=prediction.jacobian,
-            sigma=np.maximum(np.sqrt(np.mean(white[keep] ** 2, axis=0)), _LEAST_SIGMA),
-            weight=keep.astype(float),
-            view=prediction.view,
-            drift=drift,
-        )
+        return GearFitted(robot=self.robot, layout=found.layout, fit=found.fit, residual=residual,
+                          jacobian=prediction.jacobian,
+                          sigma=np.maximum(np.sqrt(np.mean(white[keep] ** 2, axis=0)), _LEAST_SIGMA),
+                          weight=keep.astype(float), view=prediction.view, drift=drift)
 
     def settled(self, fitted: Fitted) -> Fitted:
         """What drifts between two encoders is as much what no cause explains as it is noise: effects that the
@@ -153,8 +145,7 @@ class GearProblem(ProblemInTime):
         layout = Layout(again.layout.effects, fitted.layout.free)
         slow = np.concatenate([m[f] for m, f in zip(masks, layout.free)])
         return replace(again, layout=layout, jacobian=fitted.jacobian, sigma=fitted.sigma, drift=fitted.drift,
-                       noise=fitted.noise,
-                       fit=self._settled_fit(fitted, layout, again, slow))
+                       noise=fitted.noise, fit=self._settled_fit(fitted, layout, again, slow))
 
     def _settled_fit(self, fitted: Fitted, layout: Layout, again: GearFitted, slow: np.ndarray) -> Fit:
         """The fit behind the filter with what was estimated without it; neighbouring samples count as fewer

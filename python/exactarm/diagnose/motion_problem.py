@@ -155,19 +155,12 @@ class MotionProblem(ProblemInTime):
         residual = np.where(keep[:, None], prediction.residual()[:, axes], 0.0)
         view = prediction.view
         view.by_axis = partial(on_axes, axes, self.robot.axes)
-        fitted = MotionFitted(
-            robot=self.robot,
-            layout=found.layout,
-            fit=replace(found.fit, covariance=found.uncertainty.covariance,
-                        freedom=max(int(found.uncertainty.freedom), 1)),
-            residual=residual,
-            jacobian=prediction.jacobian[:, axes],
-            sigma=found.sigma,
-            weight=keep.astype(float),
-            view=view.leaving(residual),
-            measured=axes,
-            record=record,
-        )
+        fitted = MotionFitted(robot=self.robot, layout=found.layout,
+                              fit=replace(found.fit, covariance=found.uncertainty.covariance,
+                                          freedom=max(int(found.uncertainty.freedom), 1)),
+                              residual=residual, jacobian=prediction.jacobian[:, axes], sigma=found.sigma,
+                              weight=keep.astype(float), view=view.leaving(residual), measured=axes,
+                              record=record)
         known = self._estimator.renewed(self._noise, fitted, record.runs, record.step)
         return replace(fitted, sigma=found.sigma / np.sqrt(known.share), noise=known)
 

@@ -21,11 +21,9 @@ from exactarm.robot.robot import Robot
 _TEMPOS = (0.5, 1.0, 1.5)
 
 
-def separating_motion(
-    robot: Robot, fitted: Fitted, record: MotionRecord, one: Effect, other: Effect, *,
-    predict: Callable = predict_motion, columns: np.ndarray | None = None,
-    measured: str = "the torque (RMS over all axes)",
-) -> str:
+def separating_motion(robot: Robot, fitted: Fitted, record: MotionRecord, one: Effect, other: Effect, *,
+                      predict: Callable = predict_motion, columns: np.ndarray | None = None,
+                      measured: str = "the torque (RMS over all axes)") -> str:
     """One sentence with the best motion and by how much the two effects differ in it.
 
     predict: (robot, layout, record) -> prediction; columns: those of its jacobian that are measured (default:
@@ -61,7 +59,5 @@ def _played(record: MotionRecord, tempo: float, axis: int | None) -> MotionRecor
         others = np.arange(theta.shape[1]) != axis
         theta[:, others], rate[:, others], acceleration[:, others] = theta[0, others], 0.0, 0.0
     data = replace(record.data, time=record.data.time / tempo)
-    return replace(
-        record, data=data, theta=theta, theta_dot=tempo * rate, theta_ddot=tempo**2 * acceleration,
-        step=record.step / tempo,
-    )
+    return replace(record, data=data, theta=theta, theta_dot=tempo * rate, theta_ddot=tempo**2 * acceleration,
+                   step=record.step / tempo)

@@ -81,11 +81,8 @@ def sentence_of(experiments: Sequence[Experiment]) -> str:
     load = f" with {best.payload_kg:g} kg at the flange" if best.payload_kg else ""
     minutes = round(best.minutes())
     time = "less than a minute" if minutes < 1 else f"some {minutes} minute{'s' * (minutes > 1)}"
-    return (
-        f"Measure {_named(best.q)}{load}, approached from both directions: in {time} "
-        f"this tells {told} about whether it is {best.between}. `exactarm design --for result.json` "
-        "writes these poses."
-    )
+    return (f"Measure {_named(best.q)}{load}, approached from both directions: in {time} this tells {told} "
+            f"about whether it is {best.between}. `exactarm design --for result.json` writes these poses.")
 
 
 def _named(q: np.ndarray) -> str:
@@ -218,13 +215,11 @@ def _view(robot: Robot, fitted: Fitted, q: np.ndarray, payload_kg: float) -> Vie
     if payload_kg:  # in place of what the rows carried, at the flange's origin
         means = {name: mean for name, mean in means.items() if name not in PAYLOAD_CENTRE}
         means[PAYLOAD] = payload_kg
-    new = Dataset.of_arrays(
-        POSES.name,
-        {"q": both_ways, "approach": np.tile([[-1.0], [1.0]], (len(q), robot.axes))},
-        session=np.full(len(both_ways), data.session[0]),
-        position=np.zeros((len(both_ways), 3)),
-        covariates={name: np.full(len(both_ways), mean) for name, mean in means.items()},
-    )
+    new = Dataset.of_arrays(POSES.name,
+                            {"q": both_ways, "approach": np.tile([[-1.0], [1.0]], (len(q), robot.axes))},
+                            session=np.full(len(both_ways), data.session[0]),
+                            position=np.zeros((len(both_ways), 3)),
+                            covariates={name: np.full(len(both_ways), mean) for name, mean in means.items()})
     return predict_poses(robot, fitted.layout, new).view
 
 
@@ -234,11 +229,9 @@ def _candidate_poses(robot: Robot, fitted: Fitted, seed: int) -> np.ndarray:
     the target may be anywhere. Raises ComputationError where even so hardly any pose is clear of the arm."""
     measured = fitted.view.q
     low, high = measured.min(axis=0), measured.max(axis=0)
-    joints = tuple(
-        replace(joint, q_min=low[i] if joint.q_min is None else joint.q_min,
-                q_max=high[i] if joint.q_max is None else joint.q_max)
-        for i, joint in enumerate(robot.joints)
-    )
+    joints = tuple(replace(joint, q_min=low[i] if joint.q_min is None else joint.q_min,
+                           q_max=high[i] if joint.q_max is None else joint.q_max)
+                   for i, joint in enumerate(robot.joints))
     open_space = PoseSpace.of(replace(robot, joints=joints), Box(np.full(3, -np.inf), np.full(3, np.inf)))
     seen = open_space.target(measured)
     space = replace(open_space, box=Box(seen.min(axis=0), seen.max(axis=0)))

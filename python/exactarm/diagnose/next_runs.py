@@ -73,8 +73,7 @@ def _planned(robot: Robot, fitted: Fitted, record: GearRecord, axis: int, share:
         for name in ("tau_motor", "tau"):
             if name in view.data.joints:
                 joints[name] = np.tile(np.nanstd(view.data.joints[name], axis=0), (_ROWS, 1)) * np.cos(
-                    4.0 * np.pi * time / period
-                )[:, None]
+                    4.0 * np.pi * time / period)[:, None]
     else:
         more["gyro"] = np.zeros((_ROWS, 3))
     where = {"session": np.full(_ROWS, view.data.session[0]), "run": np.full(_ROWS, view.data.run[0])}

@@ -25,12 +25,7 @@ from exactarm.identify.calibrate import (
     identifiable_layout,
     require_sessions,
 )
-from exactarm.identify.declared import (
-    carried_layout,
-    frames_layout,
-    geometry_layout,
-    reestimated_layout,
-)
+from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, reestimated_layout
 from exactarm.identify.match import require_match
 from exactarm.identify.missing_tilt import missing_tilts
 from exactarm.identify.pose_fit import PoseFit, fit_poses
@@ -81,8 +76,7 @@ class PoseProblem(ProblemAtRest):
         result = fit_poses(
             self.robot, layout, self.data, orientation=self.orientation, weights=weight, threads=self.threads,
             sigma=None if sigma is None else sigma[::3], tolerance=self.tolerance,
-            drawn=self.calibrated.drawn,
-        )
+            drawn=self.calibrated.drawn)
         prediction = result.prediction
         residual = prediction.residual(self.orientation)
         sigma = [result.sigma_position] * 3 + ([result.sigma_orientation] * 3 if self.orientation else [])

@@ -193,8 +193,7 @@ def steps_win(causes: Causes, steps: Selection) -> bool:
 def _tested(problem: Problem, first: Fitted, vocabulary: Vocabulary, found: Found) -> SelfTest:
     noise = found.noise
     picture = Picture.of(vocabulary, first.residual, first.jacobian, noise)
-    return self_test(picture, noise.whiten(found.left[:, :, None])[:, 0],
-                     problem.groups(), problem.seed)
+    return self_test(picture, noise.whiten(found.left[:, :, None])[:, 0], problem.groups(), problem.seed)
 
 
 def _wrong_rows(problem, declared, chosen, fitted: Fitted, noise: NoiseModel):
@@ -237,8 +236,7 @@ def selection_of(causes: Causes) -> Selection:
         rivals = tuple(
             Candidate(effect, 0.0, 0, 1,
                       place.log_odds + float(np.log(max(p, 1e-300) / max(place.probability, 1e-300))))
-            for _, effect, p in place.rivals if effect is not None
-        )
+            for _, effect, p in place.rivals if effect is not None)
         accepted.append(Accepted(place.effect, place.log_odds, place.probability, rivals, place.round,
                                  _credible(place)))
     return Selection(causes.fits, tuple(accepted))

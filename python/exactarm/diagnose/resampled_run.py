@@ -66,8 +66,7 @@ def resampled_run(robot: Robot, data: Dataset, record: GearRecord) -> tuple[Data
     theta_dot = np.concatenate([derivative(theta[rows], time[rows]) for rows in runs])
     resampled = GearRecord(
         theta, theta_dot, direction, keep, runs, time, record.cutoff_hz, record.encoder_axes, record.moving,
-        record.furthest,
-    )
+        record.furthest)
     return with_reading(replace(data.select(chosen), time=time), axes, smooth), resampled
 
 

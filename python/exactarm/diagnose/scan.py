@@ -107,9 +107,7 @@ def _score(linear, products, square, count, tried, families, best) -> None:
         plausible, prior, lower, upper = np.array(
             [(p.plausible, p.prior, p.lower, p.upper) for p, keep in zip(point.parameters(), mask) if keep]
         ).reshape(k, 4).T
-        usable = (np.diag(normal) > _ABSORBED * each.square) & (
-            np.sqrt(each.square) * plausible > _INVISIBLE
-        )
+        usable = (np.diag(normal) > _ABSORBED * each.square) & (np.sqrt(each.square) * plausible > _INVISIBLE)
         start, price, free = np.array(point.values, float), 0.0, int(usable.sum())
         if np.isfinite(prior).any():
             gain, values, price = regularised_gain(normal, onto, prior)

@@ -45,8 +45,7 @@ class Beside:
 
 
 def beside_unknown(problem: Problem, steps: list[tuple[Fitted, Effect]],
-                   candidates: Callable[[Fitted], list[Effect]],
-                   count: Callable[[Fitted], float]) -> Beside:
+                   candidates: Callable[[Fitted], list[Effect]], count: Callable[[Fitted], float]) -> Beside:
     """Effects together, at their values, beside unknown functions of the problem's signals.
 
     steps: each effect with the fit without it and those after it; candidates: the library beside a fit;

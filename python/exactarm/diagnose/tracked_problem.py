@@ -91,8 +91,7 @@ class TrackedProblem(ProblemInTime):
     def declared(self) -> Layout:
         frames = tracked_frames(self.robot, self.data, self.seed)
         layout = frames.joined(geometry_layout(self.robot)).joined(
-            carried_layout(self.robot, self.data, KIND)
-        )
+            carried_layout(self.robot, self.data, KIND))
         still = static_rows(self.data)
         kept, _ = identifiable_layout(self.robot, layout, still, False, threads=self.threads)
         first = self.fit(kept)
@@ -140,17 +139,14 @@ class TrackedProblem(ProblemInTime):
         start = None if sigma is None else float(sigma[0] * np.sqrt(share))
         found = fit_tracked(
             self.robot, layout, self.record, weights=rows * np.sqrt(share), sigma=start, threads=self.threads,
-            drawing=self._drawing,
-        )
+            drawing=self._drawing)
         prediction, clear = found.prediction, ~self.record.at_reversal & (rows > 0.0)
         residual, view = np.where(clear[:, None], prediction.residual(), 0.0), prediction.view
         view.signals["residual"] = residual
         fitted = TrackedFitted(
             robot=self.robot, layout=found.layout, fit=found.fit, residual=residual,
-            jacobian=prediction.jacobian[:, :3],
-            sigma=np.full(3, max(found.sigma, _LEAST_SIGMA)), weight=clear.astype(float), view=view,
-            drawing=self._drawing,
-        )
+            jacobian=prediction.jacobian[:, :3], sigma=np.full(3, max(found.sigma, _LEAST_SIGMA)),
+            weight=clear.astype(float), view=view, drawing=self._drawing)
         return self._counted(fitted, self._noise, self.record.step)
 
     def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
@@ -219,8 +215,7 @@ class TrackedProblem(ProblemInTime):
     def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
         return separating_motion(
             self.robot, fitted, self.record, one, other, predict=predict_record, columns=np.arange(3),
-            measured="the measured path",
-        )
+            measured="the measured path")
 
 
 def _same_path(motion: np.ndarray, session: np.ndarray, one: np.ndarray, other: np.ndarray) -> bool:

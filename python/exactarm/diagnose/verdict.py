@@ -87,8 +87,7 @@ def verdict_by_rules(problem, before, after, noise: NoiseFloor, left: Dossier, f
         structure = strongest.share * rms_after**2
         taken = max(rms_before**2 - rms_after**2, 0.0)
         still = (
-            strongest.share > _SHARE_EXPLAINED or structure > (1.0 - _SHARE_EXPLAINED) * (taken + structure)
-        )
+            strongest.share > _SHARE_EXPLAINED or structure > (1.0 - _SHARE_EXPLAINED) * (taken + structure))
         still = still or (spread > 0.0 and remaining - spread > _SHARE_STRAY * max(above - spread, 1e-300))
     if still:
         return UNEXPLAINED
@@ -119,9 +118,7 @@ def remains(left: Dossier, excess: float, unknown: tuple[Structure, ...] = ()) -
     else:
         known = "it follows no single signal beyond chance"
     if carries_badly(excess):
-        known += (
-            f", and on rows that were not fitted the error is {excess:.1f} times what the fit predicts"
-        )
+        known += (f", and on rows that were not fitted the error is {excess:.1f} times what the fit predicts")
     return known
 
 
@@ -136,10 +133,8 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
         named = [f.effect.title for f in stood]
         fall = 1.0 - after[judged].rms / before[judged].rms
         it = "it" if len(named or refuted) == 1 else "them"
-        falls = (
-            f"{'falls' if fall > 0.0 else 'rises'} by {100 * abs(fall):.0f} %"
-            if abs(fall) >= _NO_CHANGE else "does not change"
-        )
+        falls = (f"{'falls' if fall > 0.0 else 'rises'} by {100 * abs(fall):.0f} %"
+                 if abs(fall) >= _NO_CHANGE else "does not change")
         lacks = "The model lacks" if named else "The fitted rows ask for"
         against = beside(refuted) if named else ""
         found = _listed(named or [f.effect.title for f in refuted])
@@ -154,18 +149,14 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
             return text + (outdone(likelier) if likelier and gain >= AGAINST
                            else spoken_against(len(findings)))
         if verdict == UNEXPLAINED:
-            text += (
-                " A structure is left that nothing in the library explains; "
-                f"{remains(left, excess, unknown)}."
-            )
+            text += (" A structure is left that nothing in the library explains; "
+                     f"{remains(left, excess, unknown)}.")
         return text
     if undecided:
         return f"The model lacks something, but this data cannot tell which: {' or '.join(undecided)}."
     if verdict == UNEXPLAINED:
-        return (
-            "The residual has a structure that nothing in the library explains; "
-            f"{remains(left, excess, unknown)}."
-        )
+        return ("The residual has a structure that nothing in the library explains; "
+                f"{remains(left, excess, unknown)}.")
     if left.structure:
         like = ", as noise does that neighbouring rows share" if left.strongest.signal.of_time else ""
         return (f"No effect of the library earns its place: the residual follows the {left.strongest.signal} "

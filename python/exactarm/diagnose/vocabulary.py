@@ -146,11 +146,9 @@ class Vocabulary:
         """With the causes of another one, together as probable as one name of this."""
         names = {block.effect.name for block in self.blocks if block.effect is not None}
         start, lower = self.width, np.log(max(len(names), 1))
-        moved = [
-            replace(block, where=slice(block.where.start + start, block.where.stop + start),
-                    log_prior=block.log_prior - lower)
-            for block in other.blocks
-        ]
+        moved = [replace(block, where=slice(block.where.start + start, block.where.stop + start),
+                         log_prior=block.log_prior - lower)
+                 for block in other.blocks]
         return Vocabulary((*self.blocks, *moved), self.parts + other.parts)
 
     def beside(self, effects: list[Effect]) -> Vocabulary:
