@@ -44,7 +44,7 @@ def test_no_wave_is_searched_of_an_axis_that_folds(waving):
     for robot, folds in ((waving, True), (replace(waving, joints=six_axis().joints), False)):
         problem = MotionProblem(robot, data, data.select(np.zeros(0, int)))
         field = candidates_for(problem, problem.fit(problem.declared()))
-        waves = {effect.joint for effect in field if effect.searched_wave}
+        waves = {effect.joint for effect in field if effect.of_waves}
         assert (2 in waves) != folds and {1, 3} < waves
         assert any("gear waves of axis 2" in words for words in problem.left_out()) == folds
         assert any(effect.joint == 2 for effect in field)

@@ -24,7 +24,7 @@ def shown(effects: list[Effect], view: View) -> list[Effect]:
     moves = span > STANDS_STILL * max(float(span.max()), np.finfo(float).tiny)
     waves = moves & ~view.folded
     return [effect for effect in effects if effect.joint is None
-            or (waves if effect.searched_wave else moves)[effect.index]]
+            or (waves if effect.of_waves else moves)[effect.index]]
 
 
 def is_possible(robot: Robot, fitted: Fitted, index: int) -> bool:

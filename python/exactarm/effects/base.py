@@ -69,7 +69,7 @@ class Effect(ABC):
     drawn_to_declared: ClassVar[bool] = False
     repeatable: ClassVar[bool] = False  # several of them may act on one axis (harmonics of different orders)
     log_odds: ClassVar[float] = 0.0  # before any data, beside another cause that would look the same
-    searched_wave: ClassVar[bool] = False  # a wave over an angle whose order is still to be found
+    of_waves: ClassVar[bool] = False  # a wave over an angle to be searched, or a law of those declared
     reverses: ClassVar[bool] = False  # dry friction in the tables: jumps where the motor turns back
     carried: ClassVar[bool] = False  # what the flange carries
     inertia_of: ClassVar[str] = ""  # "links" or "rotor": masses in the tables

@@ -82,7 +82,7 @@ class HarmonicFamily(Effect):
         return None if self.seen is None else self._looked_up(phi[:, self.index])[1]
 
     @property
-    def searched_wave(self) -> bool:
+    def of_waves(self) -> bool:
         return bool(self.search)
 
     def with_values(self, values: Iterable[float]) -> HarmonicFamily:

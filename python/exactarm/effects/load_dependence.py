@@ -41,6 +41,10 @@ class LoadDependence(HarmonicFamily):
     sentence = "the error of gear {joint} changes with the torque that it carries"
     source = "thesis 1.1.1, 1.1.2"
 
+    @property
+    def of_waves(self) -> bool:
+        return self.of_declared or super().of_waves
+
     def factor(self, view):
         by_torque = np.zeros((view.rows, view.axes))
         by_torque[:, self.index] = 1.0

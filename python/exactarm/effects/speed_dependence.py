@@ -26,6 +26,7 @@ class SpeedDependence(HarmonicFamily):
     at_rest = False
     smooth = False
     repeatable = False
+    of_waves = True
     unit = "_s_per_rad"
     sentence = "the error of gear {joint} changes with its speed"
     source = "thesis 1.1.1, 3.1.2"

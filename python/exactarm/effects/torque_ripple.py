@@ -24,7 +24,7 @@ class TorqueRipple(DriveEffect):
 
     name = "torque_ripple"
     plain = "torque ripple of the motor"
-    searched_wave = True
+    of_waves = True
     search: tuple[float, ...] = ORDERS
     sentence = ("the torque of axis {joint} ripples {order:.4g} times per motor revolution "
                 "({cosine_Nm:.3g} Nm cosine, {sine_Nm:.3g} Nm sine)")
