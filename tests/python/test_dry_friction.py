@@ -152,3 +152,20 @@ def test_breakaway_torque_of_a_coarse_log():
     low, high = fit.intervals[place]
     assert low < 8.0 < high
     assert high - low < 1.0
+
+
+def test_a_fit_ends_where_friction_turns_over_as_it_says(monkeypatch):
+    """Blind motion 96022: one turn left a width beside that of the final layout, and a breakaway torque 11 %
+    too small, outside of its interval. Here every turn goes half the way to a width."""
+    def halfway(robot, layout, record, threads=1):
+        nearer = 0.5 * (record.dry.width + 5e-3)
+        near = np.max(np.abs(nearer - record.dry.width)) < 1e-3
+        return record.dry if near else replace(record.dry, width=nearer)
+
+    monkeypatch.setattr("exactarm.diagnose.motion_problem.dry_friction", halfway)
+    robot, random = bare(), np.random.default_rng(4)
+    time, angle, *_ = stops(robot.axes, 3, random)
+    data = motion_data(robot, time, angle, random.normal(0.0, 0.3, angle.shape))
+    problem = MotionProblem(robot, data, data.select(np.zeros(0, int)))
+    fitted = problem.fit(problem.declared())
+    assert halfway(robot, fitted.layout, fitted.record) is fitted.record.dry
