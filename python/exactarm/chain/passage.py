@@ -2,8 +2,8 @@
 to the other's.
 
 No model defines the passage; the chain assumes one of TRANSITION_S (chain/direction.py). The
-prediction is repeated with a shorter one, and with two that lie whole behind the reversal, d the directions
-with each:
+prediction is repeated with a shorter and a longer one about the reversal, and with two that lie whole behind
+it, d the directions with each:
 
     row left out where max_j |predicted_j(d) - predicted_j(d of TRANSITION_S)| > SHARE sigma_j
 
@@ -34,9 +34,10 @@ from exactarm.robot.robot import Robot
 # How long a passage lasts and how far behind the reversal its middle lies, s. What friction leaves of
 # wind-up, 1e-4 to 1e-3 rad, is passed in 0.02 to 0.1 s at 2 rad/s^2 and twice that, about the reversal or,
 # where it is let go as the axis moves away, behind it (blind tests, tracked motion 73200: 3.8 times the noise
-# in the 50 ms behind reversals, nothing before them; motion 93074: 9.7 times). These three leave at most 0.06
+# in the 50 ms behind reversals, nothing before them; motion 93074: 9.7 times). These four leave at most 0.06
 # of the noise (root mean square) of passages of 10 to 70 ms at either place (test_passage.py).
-PASSAGES_S = ((0.02, 0.0), (0.05, 0.025), (0.1, 0.05))
+ABOUT_S, BEHIND_S = ((0.02, 0.0), (0.1, 0.0)), ((0.05, 0.025), (0.1, 0.05))
+LEAST_LEFT = 0.5  # of the rows; where fewer remained, those behind reversals stay: few rows are worse
 SHARE = 0.3  # of the noise that an error may have unseen: a tenth of its variance
 _LEAST_TORQUE_SHARE = 1e-3  # of an axis' torque, where a log is free of noise: no model of friction is better
 _LEAST_NOISE_M = 5e-6  # of a position: what laser trackers resolve
@@ -83,19 +84,24 @@ def _reverses(robot: Robot, record: MotionRecord) -> bool:
     return bool(np.any(np.mod(record.direction[:, differing], 1.0)))
 
 
-def _unclear(
-    robot: Robot, record: MotionRecord, predict: Callable[[MotionRecord], np.ndarray], noise: np.ndarray,
-) -> np.ndarray:
+def _unclear(robot: Robot, record: MotionRecord, predict: Callable[[MotionRecord], np.ndarray],
+             noise: np.ndarray) -> np.ndarray:
     """(N,) bool; noise (m,)."""
-    assumed, unclear = predict(record), np.zeros(len(record.data), bool)
-    angle = record.theta / np.abs(robot.ratios)
-    for duration, late in PASSAGES_S:
-        direction = np.empty_like(record.direction)
-        for rows in record.runs:
-            direction[rows] = direction_of_motion(record.data.time[rows], angle[rows], duration, late)
-        other = predict(replace(record, direction=direction))
-        unclear |= np.any(np.abs(other - assumed) > SHARE * noise, axis=1)
-    return unclear
+    assumed, angle = predict(record), record.theta / np.abs(robot.ratios)
+
+    def by(passages) -> np.ndarray:
+        unclear = np.zeros(len(record.data), bool)
+        for duration, late in passages:
+            direction = np.empty_like(record.direction)
+            for rows in record.runs:
+                direction[rows] = direction_of_motion(record.data.time[rows], angle[rows], duration, late)
+            other = predict(replace(record, direction=direction))
+            unclear |= np.any(np.abs(other - assumed) > SHARE * noise, axis=1)
+        return unclear
+
+    about = by(ABOUT_S)
+    either = about | by(BEHIND_S)
+    return either if np.mean(~either[record.inside]) >= LEAST_LEFT else about
 
 
 def _white(values: np.ndarray, runs) -> float:
