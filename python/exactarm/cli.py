@@ -7,7 +7,6 @@ Commands are modules of `exactarm.commands`; only the one that is asked for is i
 
 from __future__ import annotations
 
-import ctypes
 import difflib
 import os
 import shutil
@@ -25,7 +24,6 @@ from exactarm.progress import Progress
 
 LEAST_WIDTH = 60  # columns: a narrower table could not be read
 DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
-_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # of mallopt (malloc.h)
 BLAS_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -33,8 +31,6 @@ def main(argv: Sequence[str] | None = None, package: str = COMMANDS) -> int:
     """Runs one command of `package`; returns the exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
     _open_streams()
-    if argv is None:
-        _keep_freed_memory()
     if argv is None and "--debug" not in words:
         _quiet_libraries()
     progress = Progress(None if "--quiet" in words else _progress_stream())
@@ -53,15 +49,6 @@ def _open_streams() -> None:
         if getattr(sys, name) is None:  # closed by whoever started us
             setattr(sys, name, open(os.devnull, "w"))
         getattr(sys, name).reconfigure(errors="backslashreplace")
-
-
-def _keep_freed_memory() -> None:
-    """glibc gives every freed array of more than 32 MB back to the system, which clears each page of the next
-    one: 3 of the 41 s of a diagnosis (UR10 B). A process that ends soon keeps them."""
-    adjust = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
-    if adjust is not None:  # other libraries of C have none, or one that does nothing
-        adjust(_MMAP_THRESHOLD, 96 << 20)
-        adjust(_TRIM_THRESHOLD, 512 << 20)
 
 
 def _quiet_libraries() -> None:
