@@ -11,6 +11,7 @@ from exactarm.chain import (
     direction,
     motion_clear_of_reversals,
     motion_record,
+    passage,
     predict_motion,
     predict_tracked_motion,
     reversals_left_out,
@@ -62,6 +63,17 @@ def test_rows_that_hang_on_the_passage_of_a_motion_are_left_out(rigid, monkeypat
     (words,) = reversals_left_out([clear])
     assert words.startswith(f"{record.keep.sum() - clear.keep.sum()} of {record.keep.sum()} rows at "
                             "reversals")
+
+
+def test_rows_behind_reversals_stay_where_too_few_would_remain(rigid, monkeypatch):
+    data = measured(rigid, measure_motion, monkeypatch)
+    record = motion_record(rigid, data)
+    left_out = lambda: motion_clear_of_reversals(rigid, record, data).at_reversal
+    both = left_out()
+    monkeypatch.setattr(passage, "LEAST_LEFT", 1.0)
+    few = left_out()
+    monkeypatch.setattr(passage, "BEHIND_S", ())
+    assert np.array_equal(few, left_out()) and few.sum() < 0.7 * both.sum() and np.all(both[few])
 
 
 def test_gears_of_one_table_leave_every_row_in(rigid, monkeypatch):
