@@ -207,7 +207,8 @@ def _wrong_rows(problem, declared, chosen, fitted: Fitted, noise: NoiseModel):
         trial = refit(problem, declared, [*chosen, effect], fitted)
         if trial.weight.all() or _could_be_right(trial, len(declared.effects), noise):
             continue
-        return Place(effect.label, effect, 1.0 - WRONG_ROW_FALSE_ALARM, np.inf, (), 0), trial
+        sure = min(noise.wrong_probability, 1.0 - WRONG_ROW_FALSE_ALARM)
+        return Place(effect.label, effect, sure, np.inf, (), 0), trial
     return None
 
 

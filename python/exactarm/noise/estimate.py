@@ -8,7 +8,8 @@ Families, by their likelihood (each further parameter pays half the logarithm of
              estimated: broken beams, exchanged rows
 
 each with one scale for all components of a kind (positions, orientations), or one for every component. A row
-of the last family is wrong by itself where that is more than 99 % probable; its weight is zero.
+of the last family is wrong by itself where that is more than 99 % probable; its weight is zero. That there
+are such rows at all is as probable as all families with them beside all without.
 """
 
 from __future__ import annotations
@@ -51,6 +52,8 @@ def estimate_noise(
             further += [scales, scales + 2.0]  # share and width of the gross rows
     price = 0.5 * np.log(rows) * np.array(further)
     values = np.array([model.log_likelihood for model in found]) - price
+    wrong = special.expit(special.logsumexp(values[1::2]) - special.logsumexp(values[::2]))
+    found = [replace(model, wrong_probability=float(wrong)) for model in found]
     best = _with_visits(found[int(np.argmax(values))], residual, lost, visits)
     if order is None:
         return best

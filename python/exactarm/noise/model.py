@@ -28,7 +28,8 @@ class NoiseModel:
     `student` or `gross`.
 
     visits (N,): numbers of the poses; shared: variance that visits of one pose have in common, in units of
-    sigma^2. wandering: what neighbours in the order (N,) of the rows have in common.
+    sigma^2. wandering: what neighbours in the order (N,) of the rows have in common. wrong_probability: that
+    any row is wrong by itself, and no heavy tail of all of them.
     """
 
     sigma: np.ndarray
@@ -40,6 +41,7 @@ class NoiseModel:
     shared: float = 0.0
     wandering: Wandering | None = None
     order: np.ndarray | None = None
+    wrong_probability: float = 0.0
 
     @property
     def held_share(self) -> float:
