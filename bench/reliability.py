@@ -34,9 +34,9 @@ from blind.random_arms import write_random_arm  # noqa: E402
 from exactarm.chain import Layout, predict_poses  # noqa: E402
 from exactarm.data.dataset import Dataset  # noqa: E402
 from exactarm.diagnose.diagnosis import diagnose  # noqa: E402
+from exactarm.diagnose.joint_fit import candidates_for  # noqa: E402
 from exactarm.diagnose.problems import problem_for  # noqa: E402
 from exactarm.diagnose.scan import free_mask, grid  # noqa: E402
-from exactarm.diagnose.selection import candidates_for  # noqa: E402
 from exactarm.effects.base import Effect  # noqa: E402
 from exactarm.numerics.rotation import exp  # noqa: E402
 from exactarm.robot.generic_masses import with_generic_masses  # noqa: E402

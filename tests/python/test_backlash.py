@@ -10,10 +10,10 @@ from central_difference import assert_derivative
 from exactarm import _core
 from exactarm.chain import Layout, predict_gear_run, predict_poses
 from exactarm.diagnose.diagnosis import diagnose
+from exactarm.diagnose.joint_fit import candidates_for
 from exactarm.diagnose.motion_problem import MotionProblem
 from exactarm.diagnose.posterior import _could_be_right
 from exactarm.diagnose.scan import scan
-from exactarm.diagnose.selection import candidates_for
 from exactarm.diagnose.verdict import EXPLAINED
 from exactarm.effects import effect_from_table
 from exactarm.effects.backlash import Backlash

@@ -14,9 +14,9 @@ from exactarm.chain import Layout, predict_tracked_motion
 from exactarm.data.dataset import Dataset, write_dataset
 from exactarm.diagnose.coloured_noise import autoregressive_share
 from exactarm.diagnose.diagnosis import diagnose
+from exactarm.diagnose.joint_fit import candidates_for
 from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.scan import scan
-from exactarm.diagnose.selection import candidates_for
 from exactarm.effects import effect_from_table
 from exactarm.identify.evaluate import evaluate_tracked_motion
 from exactarm.identify.tracked_fit import subsampled_record, tracked_record

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from exactarm.chain import motion_record
+from exactarm.diagnose.joint_fit import candidates_for
 from exactarm.diagnose.motion_problem import MotionProblem
-from exactarm.diagnose.selection import candidates_for
 from exactarm.robot.robot import GearTable
 from motions import fourier_motion, motion_data
 from six_axis import six_axis

@@ -9,8 +9,8 @@ import pytest
 from central_difference import assert_derivative
 from exactarm.chain import Layout, predict_poses
 from exactarm.diagnose.diagnosis import diagnose
+from exactarm.diagnose.joint_fit import refit
 from exactarm.diagnose.problems import problem_for
-from exactarm.diagnose.selection import refit
 from exactarm.effects import effect_from_table
 from exactarm.effects.tracker_step import TrackerStep
 from exactarm.robot_file import load_robot

@@ -18,7 +18,9 @@ from itertools import combinations
 import numpy as np
 from scipy import linalg
 
+from exactarm.diagnose.admissible import LEAST_EVIDENCE
 from exactarm.diagnose.fitted import Fitted
+from exactarm.diagnose.joint_fit import candidates_for
 from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import Candidate, linear_columns, log_evidence, scan
@@ -83,8 +85,6 @@ class ColouredNoise:
         that are in what it leaves. So a cause that leaves white noise is sure, and one more curve through
         slow noise is not.
         """
-        from exactarm.diagnose.selection import LEAST_EVIDENCE, candidates_for
-
         numbers, shape = fitted.data_numbers, fitted.residual.shape
         basis, residual = fitted.basis, fitted.free_residual
         candidates = [e for e in candidates_for(self._problem, fitted) if e.keep(fitted.view) is None]

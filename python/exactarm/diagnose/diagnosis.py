@@ -20,12 +20,14 @@ from exactarm.diagnose.draft import Draft, drafts_of
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.held_out_evidence import AGAINST, allowed, held_out_gains
 from exactarm.diagnose.in_space import InSpace
+from exactarm.diagnose.joint_fit import refit
 from exactarm.diagnose.noise import NoiseFloor, noise_floor
 from exactarm.diagnose.own_share import own_shares
 from exactarm.diagnose.posterior import Causes, find_causes, selection_of, steps_win
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.problems import problem_for
-from exactarm.diagnose.selection import Accepted, Progress, Selection, refit, select
+from exactarm.diagnose.selected import Accepted, Selection
+from exactarm.diagnose.selection import Progress, select
 from exactarm.diagnose.signal import Structure
 from exactarm.diagnose.verdict import (
     UNEXPLAINED,

@@ -27,10 +27,10 @@ from exactarm.diagnose.cross_validation import CrossValidation, folds_of
 from exactarm.diagnose.dictionary import forms_of, is_series, sum_of
 from exactarm.diagnose.evidence import Absorbed, Members, Picture
 from exactarm.diagnose.fitted import Fitted
+from exactarm.diagnose.joint_fit import refit
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.search import search
 from exactarm.diagnose.search_round import alike
-from exactarm.diagnose.selection import refit
 from exactarm.diagnose.signal import ANGLE, APPROACH, LOAD, POSITION, TIME, TRAVEL, Signal
 from exactarm.diagnose.vocabulary import vocabulary_of
 from exactarm.effects.axis_units import moves_by

@@ -23,8 +23,8 @@ import numpy as np
 from exactarm.chain import predict_poses
 from exactarm.data.dataset import Dataset
 from exactarm.diagnose.evidence import Picture
+from exactarm.diagnose.joint_fit import candidates_for
 from exactarm.diagnose.pose_problem import PoseProblem
-from exactarm.diagnose.selection import candidates_for
 from exactarm.diagnose.vocabulary import Vocabulary, vocabulary_of
 from exactarm.effects.base import Effect
 from exactarm.identify.declared import carried_layout

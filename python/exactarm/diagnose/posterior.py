@@ -20,11 +20,13 @@ from exactarm.chain import Layout
 from exactarm.diagnose.cross_validation import folds_of
 from exactarm.diagnose.evidence import Members, Picture
 from exactarm.diagnose.fitted import Fitted
+from exactarm.diagnose.joint_fit import candidates_for, refit
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import Candidate
 from exactarm.diagnose.search import CERTAIN, Posterior, log_prior_of_count, weight_of
 from exactarm.diagnose.search_round import MOST_AT_ONCE, At, Found, score_of, search_round
-from exactarm.diagnose.selection import NAMED_AT, Accepted, Selection, candidates_for, refit
+from exactarm.diagnose.selected import Accepted, Selection
+from exactarm.diagnose.selection import NAMED_AT
 from exactarm.diagnose.self_test import SelfTest, self_test
 from exactarm.diagnose.signal import Structure
 from exactarm.diagnose.vocabulary import UNKNOWN_MASS, Vocabulary, at_values, vocabulary_of

@@ -14,44 +14,32 @@ from dataclasses import replace
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.diagnose.admissible import LEAST_EVIDENCE, LEAST_PROBABILITY, is_possible, shown
+from exactarm.diagnose.admissible import LEAST_EVIDENCE, LEAST_PROBABILITY, is_possible
 from exactarm.diagnose.bagging import bagged_contest
 from exactarm.diagnose.cluster_robust import robust_evidence
+from exactarm.diagnose.contest import contest, differs
 from exactarm.diagnose.cross_validation import CrossValidation, folds_of
-from exactarm.diagnose.fitted import Fitted, rows_kept
-from exactarm.diagnose.forms import best_form, forms_of, parts_of_one_wave, same_family
+from exactarm.diagnose.fitted import Fitted
+from exactarm.diagnose.forms import forms_of, parts_of_one_wave, same_family
 from exactarm.diagnose.gear_curves import with_curves
+from exactarm.diagnose.joint_fit import candidates_for, count_of, refit
 from exactarm.diagnose.problem import Problem
-from exactarm.diagnose.scan import Candidate, free_mask, linear_columns, probability, same_cause, scan
+from exactarm.diagnose.scan import Candidate, linear_columns, scan
 from exactarm.diagnose.selected import Accepted, Selection
 from exactarm.diagnose.something_else import Beside, beside_unknown, pieces_of
 from exactarm.diagnose.vocabulary import emptied
-from exactarm.diagnose.worth import holds_elsewhere, is_worth
-from exactarm.effects import library
+from exactarm.diagnose.worth import is_worth
 from exactarm.effects.base import Effect
 
 NAMED_AT = 0.5  # probability from which a cause is named: more likely than not
 MOST_EFFECTS = 16
 _SHORTLIST = 12
 _INDEPENDENT_SHARE, _INDEPENDENT_EVIDENCE = 0.8, 20.0
-_MOST_MOVES = 4  # of a step to a likelier place
-_MOST_WIDTHS = 8  # of the priors of one effect's terms: steps of a fixed point
 _PAIRED = 6  # of the shortlist, tried two by two
 _HIDDEN_GAIN = 1.5  # gain of the second beside the first, over what both promised alone
 _KEPT_GAIN = 0.5  # share of the predicted gain that the joint fit must confirm
 
 Progress = Callable[[str], None]
-
-
-def candidates_for(problem: Problem, fitted: Fitted) -> list[Effect]:
-    """Every effect of the library that this kind of data can show and that is not in the layout already."""
-    taken = {effect.label for effect in fitted.layout.effects}
-    found: list[Effect] = []
-    for cls in library().values():
-        if problem.shows(cls) and not cls.declared:
-            candidates = cls.candidates(problem.robot, fitted.view)
-            found += [e for e in candidates if e.repeatable or e.label not in taken]
-    return shown(found, fitted.view)
 
 
 def select(problem: Problem, declared: Layout, progress: Progress = lambda text: None,
@@ -78,8 +66,7 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
             gears = {e.label for e in chosen if any(same_family(e, template) for template in templates)}
             places = [place for place, e in enumerate(chosen)
                       if templates and e.label not in gears and e.label not in settled]
-            done, fitted = _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress,
-                                    places)
+            done, fitted = contest(problem, declared, chosen, rounds, fitted, first_ranking, progress, places)
             chosen, fits[-1] = [*fitted.layout.effects[len(declared.effects):]], fitted
             settled |= {each.effect.label: each for each in done}
             curved, step = True, _curves(problem, declared, rounds, fitted, templates, len(fits) - 1)
@@ -94,7 +81,7 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
     places, fitted = _prune(problem, declared, chosen, fits[-1])
     chosen, rounds = [*fitted.layout.effects[len(declared.effects):]], [rounds[place] for place in places]
     places = [place for place, effect in enumerate(chosen) if effect.label not in settled]
-    done, fitted = _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress, places)
+    done, fitted = contest(problem, declared, chosen, rounds, fitted, first_ranking, progress, places)
     contested = dict(zip(places, done))
     accepted = [replace(contested[place] if place in contested else settled[effect.label], effect=effect,
                         round=rounds[place])
@@ -118,48 +105,6 @@ def _curves(problem, declared, rounds, fitted: Fitted, templates: list[Effect], 
         return None
     rounds = [rounds[found.index(effect)] if effect in found else turn for effect in effects]
     return [*trial.layout.effects[len(declared.effects):]], trial, rounds
-
-
-def count_of(problem: Problem, fitted: Fitted) -> float:
-    """Independent numbers in the residual: those of the data less the parameters fitted to them."""
-    data = float(np.count_nonzero(fitted.whitened[: fitted.data_numbers]))
-    return max(problem.correlation_factor(fitted) * data - fitted.spent, 1.0)
-
-
-def refit(problem: Problem, declared: Layout, effects: list[Effect], last: Fitted, noise=None) -> Fitted:
-    """The joint fit, started from the last one; effects of the record judge the rows by the last one too.
-
-    noise: a noise model whose row weights the fit takes."""
-    start = _warm(declared, last)
-    effects = [effect.renewed(last.view) for effect in effects]
-    layout = start.joined(Layout.of(tuple(effects)))
-    weight = rows_kept(layout, last.view).astype(float)
-    if noise is not None:
-        weight *= np.sqrt(noise.weight)
-    known = problem.knowing(last)
-    fitted = known.fit(layout, weight, last.sigma)
-    for _ in range(_MOST_MOVES):
-        moved = [effect.moved(fitted.view) for effect in fitted.layout.effects]
-        if all(one.values == other.values for one, other in zip(moved, fitted.layout.effects)):
-            break
-        trial = known.fit(replace(fitted.layout, effects=tuple(moved)), weight, last.sigma)
-        if trial.fit.cost >= fitted.fit.cost:
-            break
-        fitted = trial
-    for _ in range(_MOST_WIDTHS):
-        at = fitted.layout
-        redrawn = tuple(effect.redrawn(fitted.fit.covariance[where, where]) if free.all() else effect
-                        for effect, free, where in zip(at.effects, at.free, at.slices))
-        if redrawn == at.effects:
-            break
-        fitted = known.fit(replace(at, effects=redrawn), weight, fitted.sigma)
-    return fitted
-
-
-def _warm(declared: Layout, last: Fitted) -> Layout:
-    """The declared layout at the values of the last fit, whose first effects are the declared ones."""
-    count = len(declared.effects)
-    return Layout(last.layout.effects[:count], declared.free)
 
 
 def _best_addition(problem, declared, chosen, fitted, ranking):
@@ -201,7 +146,7 @@ def _worthy_form(problem, fitted, candidate: Candidate, parted) -> Candidate | N
     field, count = candidates_for(problem, fitted), count_of(problem, fitted)
     forms = forms_of(fitted, candidate.effect, field, count, LEAST_EVIDENCE)
     for form in sorted(forms.values(), key=lambda form: -form.evidence):
-        if (_differs(form.effect, candidate.effect) and _evidence(problem, fitted, form) >= LEAST_EVIDENCE
+        if (differs(form.effect, candidate.effect) and _evidence(problem, fitted, form) >= LEAST_EVIDENCE
                 and is_worth(problem, fitted, [form.effect], parted)):
             return form
     return None
@@ -331,69 +276,3 @@ def _lost(problem: Problem, without: Fitted, effect: Effect) -> bool:
     return own.evidence < LEAST_EVIDENCE or small
 
 
-def _contest(problem, declared, chosen, rounds, fitted, first_ranking, progress, places):
-    """The effects of these places against the whole library, with all others in place; a stronger rival
-    takes the place."""
-    accepted: list[Accepted] = []
-    for place in places:
-        progress(f"contest for {chosen[place].label}")
-        problem = problem.knowing(fitted)
-        without = fitted.without(len(declared.effects) + place)
-        if chosen[place].excludes_rows():
-            without = replace(without, weight=rows_kept(without.layout, without.view).astype(float))
-        count = count_of(problem, without)
-        field = _rivals_of(chosen[place], candidates_for(problem, without), first_ranking)
-        # A curve has its law already: it is asked only whether less would do.
-        forms = [form for form in (*field, *chosen[place].richer())
-                 if not (form.any_curve and chosen[place].any_curve) or form == emptied(chosen[place])]
-        form = best_form(problem, without, chosen[place], forms, count, LEAST_EVIDENCE)
-        if form is not None and _differs(form.effect, chosen[place]):
-            trial = refit(problem, declared, chosen[:place] + [form.effect] + chosen[place + 1 :], fitted)
-            fitted, chosen = trial, [*trial.layout.effects[len(declared.effects):]]
-        ranking = scan(without, field, count)
-        own = next((c for c in ranking if c.label == chosen[place].label), None)
-        winner = next((c for c in ranking if not same_family(c.effect, chosen[place])), ranking[0])
-        stronger = own is not None and winner.label != own.label and winner.evidence > own.evidence
-        if stronger and holds_elsewhere(problem, without, [winner.effect]):
-            trial = refit(problem, declared, chosen[:place] + [winner.effect] + chosen[place + 1 :], fitted)
-            price = np.log(count) * (free_mask(winner.effect).sum() - free_mask(chosen[place]).sum())
-            lead = 0.5 * (trial.square(fitted) + price - fitted.square(fitted))
-            if lead < 0.0:
-                fitted, own = trial, winner
-                chosen = [*trial.layout.effects[len(declared.effects):]]
-            else:  # the joint fits have the last word on which of the two is more likely
-                own = replace(own, evidence=max(own.evidence, winner.evidence + lead))
-        effect = chosen[place]
-        own = own or Candidate(effect, 0.0, 0, 1, LEAST_EVIDENCE)
-        # Rows that are wrong by themselves pull at every other candidate: the only rival is to keep them.
-        ranking = [] if effect.excludes_rows() else ranking
-        rivals = tuple(c for c in ranking if not same_cause(c.effect, effect))
-        accepted.append(Accepted(effect, own.evidence, probability(own, ranking), rivals[:8], rounds[place]))
-    return accepted, fitted
-
-
-def _rivals_of(effect: Effect, library_field: list[Effect], first_ranking) -> list[Effect]:
-    """The whole library against `effect`; on other axes, searched families only at the best point of the
-    first search."""
-    best = {c.label: c.effect for c in first_ranking}
-    field = [] if effect.excludes_rows() else [emptied(effect)]
-    for other in library_field:
-        searched = any(p.search for p in other.parameters())
-        if searched and other.joint != effect.joint:
-            if other.label in best:
-                field.append(emptied(best.pop(other.label)))
-        else:
-            field.append(_tried_at(effect, other))
-    return field
-
-
-def _tried_at(effect: Effect, other: Effect) -> Effect:
-    """The other, tried where the search for `effect` ended too: no finer place decides between them."""
-    found = {p.name: value for p, value in zip(effect.parameters(), effect.values) if p.search}
-    return other.with_values(found.get(p.name, value) if p.search else value
-                             for p, value in zip(other.parameters(), other.values))
-
-
-def _differs(one: Effect, other: Effect) -> bool:
-    """In kind or in the number of parameters."""
-    return one.name != other.name or len(one.values) != len(other.values)

@@ -26,9 +26,10 @@ from scipy import fft, linalg, special
 
 from exactarm.chain import Layout
 from exactarm.diagnose.fitted import Fitted
+from exactarm.diagnose.joint_fit import candidates_for, count_of
 from exactarm.diagnose.problem_in_time import ProblemInTime
 from exactarm.diagnose.scan import free_mask, grid, prior_of
-from exactarm.diagnose.selection import Selection, candidates_for, count_of
+from exactarm.diagnose.selected import Selection
 from exactarm.diagnose.vocabulary import emptied
 from exactarm.effects.base import Effect
 from exactarm.identify.sensor_tone import summit

@@ -1,0 +1,70 @@
+"""What the library has for one fit, and the joint fit of the causes taken from it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from exactarm.chain import Layout
+from exactarm.diagnose.admissible import shown
+from exactarm.diagnose.fitted import Fitted, rows_kept
+from exactarm.diagnose.problem import Problem
+from exactarm.effects import library
+from exactarm.effects.base import Effect
+
+_MOST_MOVES = 4  # of a step to a likelier place
+_MOST_WIDTHS = 8  # of the priors of one effect's terms: steps of a fixed point
+
+
+def candidates_for(problem: Problem, fitted: Fitted) -> list[Effect]:
+    """Every effect of the library that this kind of data can show and that is not in the layout already."""
+    taken = {effect.label for effect in fitted.layout.effects}
+    found: list[Effect] = []
+    for cls in library().values():
+        if problem.shows(cls) and not cls.declared:
+            candidates = cls.candidates(problem.robot, fitted.view)
+            found += [e for e in candidates if e.repeatable or e.label not in taken]
+    return shown(found, fitted.view)
+
+
+def count_of(problem: Problem, fitted: Fitted) -> float:
+    """Independent numbers in the residual: those of the data less the parameters fitted to them."""
+    data = float(np.count_nonzero(fitted.whitened[: fitted.data_numbers]))
+    return max(problem.correlation_factor(fitted) * data - fitted.spent, 1.0)
+
+
+def refit(problem: Problem, declared: Layout, effects: list[Effect], last: Fitted, noise=None) -> Fitted:
+    """The joint fit, started from the last one; effects of the record judge the rows by the last one too.
+
+    noise: a noise model whose row weights the fit takes."""
+    start = _warm(declared, last)
+    effects = [effect.renewed(last.view) for effect in effects]
+    layout = start.joined(Layout.of(tuple(effects)))
+    weight = rows_kept(layout, last.view).astype(float)
+    if noise is not None:
+        weight *= np.sqrt(noise.weight)
+    known = problem.knowing(last)
+    fitted = known.fit(layout, weight, last.sigma)
+    for _ in range(_MOST_MOVES):
+        moved = [effect.moved(fitted.view) for effect in fitted.layout.effects]
+        if all(one.values == other.values for one, other in zip(moved, fitted.layout.effects)):
+            break
+        trial = known.fit(replace(fitted.layout, effects=tuple(moved)), weight, last.sigma)
+        if trial.fit.cost >= fitted.fit.cost:
+            break
+        fitted = trial
+    for _ in range(_MOST_WIDTHS):
+        at = fitted.layout
+        redrawn = tuple(effect.redrawn(fitted.fit.covariance[where, where]) if free.all() else effect
+                        for effect, free, where in zip(at.effects, at.free, at.slices))
+        if redrawn == at.effects:
+            break
+        fitted = known.fit(replace(at, effects=redrawn), weight, fitted.sigma)
+    return fitted
+
+
+def _warm(declared: Layout, last: Fitted) -> Layout:
+    """The declared layout at the values of the last fit, whose first effects are the declared ones."""
+    count = len(declared.effects)
+    return Layout(last.layout.effects[:count], declared.free)
