@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from exactarm import _core
 from exactarm.data.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.verdict import EXPLAINED, NOTHING
@@ -114,3 +115,27 @@ def test_gear_that_was_found_to_be_even_is_no_obstacle(racer):
     robot = racer.with_joint(1, cw=even, ccw=even)
     result = diagnose(robot, runs(robot, axes=(2,)))
     assert result.verdict == NOTHING and not result.findings
+
+
+@pytest.mark.slow
+def test_two_causes_are_found_that_one_other_nearly_makes_up_for(racer):
+    """Wind-up under gravity and a wrong ratio, over a part of a turn: a run-out explains more than either, so
+    it came first, and neither could take its place (blind seed 92313: run-out alone, at 1.00)."""
+    joint = racer.joints[2]
+
+    def bent(time, phi, direction):
+        q, change = np.zeros((len(phi), 6)), 0.0
+        for _ in range(5):  # gravity pulls at the link where it has come to be
+            q[:, 2] = phi + joint.q_offset + change
+            change = 4e-3 * phi - 1e-4 * _core.gravity_torque(racer.core, q)[:, 2]
+        return change
+
+    margin = 0.5 * (joint.q_max - joint.q_min - 120.0 * DEGREE)
+    parts = [simulate(racer, GearRuns(3, speed * DEGREE, 4, RATE_HZ, NOISE, margin=margin, seed=k,
+                                      first_run=10 * k), rest=np.zeros(6), extra=bent)
+             for k, speed in ((1, 40.0), (2, 80.0))]
+    result = diagnose(racer, joined(*parts))
+    found = {f.effect.name: f for f in result.findings}
+    assert set(found) in ({"load_dependence", "gear_ratio"}, {"load_dependence", "gyro_scale"})
+    low, high = found["load_dependence"].intervals[0]
+    assert low < 1e-4 < high

@@ -17,7 +17,7 @@ from exactarm.chain import Layout
 from exactarm.diagnose.admissible import LEAST_EVIDENCE, LEAST_PROBABILITY, is_possible
 from exactarm.diagnose.bagging import bagged_contest
 from exactarm.diagnose.cluster_robust import robust_evidence
-from exactarm.diagnose.contest import contest, differs
+from exactarm.diagnose.contest import PAIRED, contest, differs
 from exactarm.diagnose.cross_validation import CrossValidation, folds_of
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.forms import forms_of, parts_of_one_wave, same_family
@@ -35,7 +35,6 @@ NAMED_AT = 0.5  # probability from which a cause is named: more likely than not
 MOST_EFFECTS = 16
 _SHORTLIST = 12
 _INDEPENDENT_SHARE, _INDEPENDENT_EVIDENCE = 0.8, 20.0
-_PAIRED = 6  # of the shortlist, tried two by two
 _HIDDEN_GAIN = 1.5  # gain of the second beside the first, over what both promised alone
 _KEPT_GAIN = 0.5  # share of the predicted gain that the joint fit must confirm
 
@@ -68,7 +67,8 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
                       if templates and e.label not in gears and e.label not in settled]
             done, fitted = contest(problem, declared, chosen, rounds, fitted, first_ranking, progress, places)
             chosen, fits[-1] = [*fitted.layout.effects[len(declared.effects):]], fitted
-            settled |= {each.effect.label: each for each in done}
+            settled |= {each.effect.label: each for each in done.values()}
+            rounds = [done[place].round if place in done else rounds[place] for place in range(len(chosen))]
             curved, step = True, _curves(problem, declared, rounds, fitted, templates, len(fits) - 1)
             if step is None and found is not None:
                 return None
@@ -82,9 +82,8 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
     chosen, rounds = [*fitted.layout.effects[len(declared.effects):]], [rounds[place] for place in places]
     places = [place for place, effect in enumerate(chosen) if effect.label not in settled]
     done, fitted = contest(problem, declared, chosen, rounds, fitted, first_ranking, progress, places)
-    contested = dict(zip(places, done))
-    accepted = [replace(contested[place] if place in contested else settled[effect.label], effect=effect,
-                        round=rounds[place])
+    accepted = [replace(done[place], effect=effect) if place in done
+                else replace(settled[effect.label], effect=effect, round=rounds[place])
                 for place, effect in enumerate(fitted.layout.effects[len(declared.effects):])]
     asked, (accepted, fitted) = tuple(accepted), _admissible(problem, declared, accepted, fitted)
     if problem.unknown_rivals:
@@ -156,7 +155,7 @@ def _best_pair(problem, declared, chosen, fitted, shortlist: list[Candidate], pa
     """Two candidates that hide each other, or are parts of one wave: neither is worth its place alone, both
     together are; else None."""
     count, pairs = count_of(problem, fitted), []
-    linear = [c for c in shortlist if not c.effect.excludes_rows()][:_PAIRED]
+    linear = [c for c in shortlist if not c.effect.excludes_rows()][:PAIRED]
     for place, first in enumerate(linear):
         beside = fitted.beside(linear_columns(fitted, first.effect))
         for alone in linear[place + 1 :]:
