@@ -139,3 +139,20 @@ def test_two_causes_are_found_that_one_other_nearly_makes_up_for(racer):
     assert set(found) in ({"load_dependence", "gear_ratio"}, {"load_dependence", "gyro_scale"})
     low, high = found["load_dependence"].intervals[0]
     assert low < 1e-4 < high
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size, name", [(-1e-4, "load_dependence"), (1e-4, "gear_eccentricity")])
+def test_the_weight_of_an_arm_without_masses_is_no_run_out(racer, size, name):
+    """Where its wave lies tells: no weight lifts itself (blind gear run 92091: run-out at 1.00)."""
+    joint = racer.joints[1]
+
+    def bent(time, phi, direction):
+        q = np.zeros((len(phi), 6))
+        q[:, 1] = phi + joint.q_offset
+        return size * _core.gravity_torque(racer.core, q)[:, 1]
+
+    parts = [simulate(racer, GearRuns(2, speed * DEGREE, 4, RATE_HZ, NOISE, seed=k, first_run=10 * k),
+                      rest=np.zeros(6), extra=bent) for k, speed in ((1, 40.0), (2, 80.0))]
+    first, *more = diagnose(replace(racer, links=None), joined(*parts)).findings
+    assert not more and first.effect.name == name

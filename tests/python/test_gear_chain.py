@@ -24,7 +24,7 @@ from exactarm.effects.gyro_misalignment import GyroMisalignment
 from exactarm.effects.gyro_scale import GyroScale
 from exactarm.effects.hysteresis import Hysteresis
 from exactarm.effects.joint_coupling import JointCoupling
-from exactarm.effects.load_dependence import LoadDependence
+from exactarm.effects.load_dependence import LoadDependence, WeightDependence
 from exactarm.effects.speed_dependence import SpeedDependence
 from exactarm.effects.time_delay import TimeDelay
 from exactarm.robot_file import load_robot
@@ -38,6 +38,7 @@ EFFECTS = (
     LoadDependence(2, (1e-5,)),
     LoadDependence(2, (2e-3,), of_declared=True),
     LoadDependence(2, (83.0, 1e-5, 2e-5)),
+    WeightDependence(2, (1e-5, 0.2)),
     GearEccentricity(2, (1e-4, -2e-4, 5e-5, 1e-4)),
     GearRatio(2, (1e-3,)),
     Backlash(2, (4e-4, 60.0)),

@@ -5,6 +5,11 @@ e -> (1 + relative |torque|) e; or one order has a part proportional to the torq
 Nm). A measured torque is the drive's: what its dry friction holds never reaches the gear, so that
 change = -linear torque + friction sign(rate), friction = linear times the torque of that friction (torque and
 sign behind the same low-pass; no friction where the load comes from declared masses).
+
+A gear run of an arm whose masses nobody declared, nor its torques measured, bears its weight all the same:
+    change = -weight (torque cos(turned) + dtorque/dq sin(turned)),
+torque: of the generic masses (robot/generic_masses.py), right in kind, not in size; turned ~ N(0, TURNED^2):
+its centre of mass lies beside theirs.
 """
 
 from collections.abc import Iterable
@@ -12,10 +17,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from exactarm import _core
 from exactarm.data.kinds import GEAR_RUN, MOTION
 from exactarm.effects.base import Change, Effect, Parameter
 from exactarm.effects.harmonic_family import HarmonicFamily, declared_orders, growing_error, searched_orders
+from exactarm.robot.generic_masses import with_generic_masses
 
+# rad, standard deviation: the first moments of links are 0.25 RMS off the generic ones (joint_compliance.py)
+TURNED = 0.25
+_TURNS = (-0.5, -0.25, 0.0, 0.25, 0.5)  # rad, tried first
+_MOST_TURNED = 1.0  # four standard deviations
 _LEAST_SPREAD_NM = 1e-3
 _LEAST_SPREAD_SIGN = 0.5
 
@@ -83,6 +94,9 @@ class LoadDependence(HarmonicFamily):
     def from_table(cls, table) -> Effect:
         if "friction_rad" in table:
             return cls(table["joint"], (float(table["linear_rad_per_Nm"]), float(table["friction_rad"])))
+        if "weight_rad_per_Nm" in table:
+            values = float(table["weight_rad_per_Nm"]), float(table["turned_rad"])
+            return WeightDependence(table["joint"], values)
         for key, of_declared in (("relative_per_Nm", True), ("linear_rad_per_Nm", False)):
             if key in table:
                 return cls(table["joint"], (float(table[key]),), of_declared=of_declared)
@@ -92,6 +106,7 @@ class LoadDependence(HarmonicFamily):
     def candidates(cls, robot, view) -> Iterable[Effect]:
         for index in range(robot.axes):
             if np.std(view.torque[:, index]) < _LEAST_SPREAD_NM:
+                yield from WeightDependence.of_axis(view, index)
                 continue
             # A measured torque always has the friction of the drive in it.
             rubs = ("friction_sign" in view.signals
@@ -103,3 +118,48 @@ class LoadDependence(HarmonicFamily):
             orders = (*np.unique(declared_orders(robot, index)), *searched_orders(robot, view, index))
             if len(orders) and view.moving[index]:
                 yield cls.zero(index + 1, orders)
+
+
+@dataclass(frozen=True)
+class WeightDependence(LoadDependence):
+    """Wind-up under the weight of an arm whose masses nobody declared."""
+
+    kinds = (GEAR_RUN.name,)
+    compensable = False  # elsewhere the arm weighs as its masses have it
+    sentence = "gear {joint} winds up under the arm's own weight, as a generic distribution of masses has it"
+
+    @property
+    def of_waves(self) -> bool:
+        return False
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (Parameter("weight_rad_per_Nm", 5e-6, 0.0),
+                Parameter("turned_rad", TURNED, -_MOST_TURNED, _MOST_TURNED, search=self.search, prior=TURNED))
+
+    def change(self, view) -> Change:
+        weight, turned = self.values
+        torque, slope = _weight_of(view, self.index)
+        along = torque * np.cos(turned) + slope * np.sin(turned)
+        across = slope * np.cos(turned) - torque * np.sin(turned)
+        columns = -np.stack([along, weight * across], axis=1)
+        by_phi = self.by_own_entry(view, -weight * across)
+        return Change((self.index,), -weight * along[:, None], columns[:, None, :], {"phi": by_phi})
+
+    @classmethod
+    def of_axis(cls, view, index: int) -> Iterable[Effect]:
+        """Nothing where the robot has masses, or no lengths to guess them by."""
+        unknown = view.kind == GEAR_RUN.name and not view.has_masses and view.moving[index]
+        if unknown and np.std(_weight_of(view, index)[0]) > _LEAST_SPREAD_NM:
+            yield cls(index + 1, (0.0, 0.0), _TURNS)
+
+
+def _weight_of(view, index: int) -> tuple[np.ndarray, np.ndarray]:
+    """(N,) Nm of the generic masses about axis `index`, and its slope by the angle of that axis."""
+    robot = with_generic_masses(view.robot)
+    if robot.links is None:
+        return np.zeros(view.rows), np.zeros(view.rows)
+    q = view.theta / robot.ratios
+    q[:, index] = view.phi[:, index]
+    q = q + robot.offsets
+    return (_core.gravity_torque(robot.core, q, view.threads)[:, index],
+            _core.gravity_torque_jacobian(robot.core, q, view.threads)[:, index, index])
