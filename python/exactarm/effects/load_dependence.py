@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm import _core
-from exactarm.data.kinds import GEAR_RUN, MOTION
+from exactarm.data.kinds import GEAR_RUN, MOTION, Device
 from exactarm.effects.base import Change, Effect, Parameter
 from exactarm.effects.harmonic_family import HarmonicFamily, declared_orders, growing_error, searched_orders
 from exactarm.robot.generic_masses import with_generic_masses
@@ -133,8 +133,9 @@ class WeightDependence(LoadDependence):
         return False
 
     def parameters(self) -> tuple[Parameter, ...]:
+        most = _MOST_TURNED
         return (Parameter("weight_rad_per_Nm", 5e-6, 0.0),
-                Parameter("turned_rad", TURNED, -_MOST_TURNED, _MOST_TURNED, search=self.search, prior=TURNED))
+                Parameter("turned_rad", TURNED, -most, most, search=self.search, prior=TURNED))
 
     def change(self, view) -> Change:
         weight, turned = self.values
@@ -148,7 +149,7 @@ class WeightDependence(LoadDependence):
     @classmethod
     def of_axis(cls, view, index: int) -> Iterable[Effect]:
         """Nothing where the robot has masses, or no lengths to guess them by."""
-        unknown = view.kind == GEAR_RUN.name and not view.has_masses and view.moving[index]
+        unknown = view.device is Device.GEAR and not view.has_masses and view.moving[index]
         if unknown and np.std(_weight_of(view, index)[0]) > _LEAST_SPREAD_NM:
             yield cls(index + 1, (0.0, 0.0), _TURNS)
 
