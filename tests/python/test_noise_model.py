@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from exactarm.diagnose.evidence import Absorbed
 from exactarm.diagnose.posterior import Causes
 from exactarm.noise.estimate import estimate_noise
 from exactarm.noise.model import NoiseModel
@@ -136,6 +137,22 @@ def test_gross_rows_are_told_from_the_tails_of_the_others():
 def test_lost_degrees_of_freedom_are_given_back():
     noise = estimate_noise(normal(5) * np.sqrt(0.5), lost=0.5 * 3 * ROWS)
     assert noise.sigma == pytest.approx(SIGMA, rel=0.05)
+
+
+def test_a_weighted_fit_takes_its_parameters_from_the_precise_component():
+    """Of 60 rows, 30 parameters: as if all components had lost alike, the precise one was taken for a third
+    better than it is, and what is left in it for a cause."""
+    true, ratio = SIGMA * np.array([1.0, 3.0, 8.0]), []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        columns, residual = rng.standard_normal((60, 3, 30)), true * rng.standard_normal((60, 3))
+        noise = NoiseModel(true, np.ones(60))
+        for _ in range(5):
+            white = Absorbed.of(residual, columns, noise)
+            noise = estimate_noise(white.residual.reshape(60, 3) * noise.sigma, white.spent)
+        ratio.append(noise.sigma / true)
+    assert white.spent.sum() == pytest.approx(30.0) and white.spent[0] > 4.0 * white.spent[2]
+    assert np.mean(ratio, axis=0) == pytest.approx(np.ones(3), abs=0.06)
 
 
 def test_what_visits_share_is_found_and_whitened():

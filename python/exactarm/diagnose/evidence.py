@@ -61,7 +61,8 @@ class Absorbed:
     residual (R,) without it.
 
     noise: `whiten`, `numbers` and `held_share`; measured: so many rows are data, then those of a prior;
-    count: independent numbers that are left.
+    count: independent numbers that are left; spent (m,): those that the declared parameters take of each
+    component of the measurement.
     """
 
     basis: np.ndarray
@@ -69,6 +70,7 @@ class Absorbed:
     noise: object
     measured: int
     count: float
+    spent: np.ndarray
 
     @staticmethod
     def of(residual: np.ndarray, declared: np.ndarray, noise,
@@ -82,8 +84,10 @@ class Absorbed:
         if prior is not None:
             d, r = np.concatenate([root * d, prior[0]]), np.concatenate([r, prior[1]])
         basis = orthonormal(d, WEAKEST)
-        spent = float(np.sum(basis[:measured] ** 2))  # less what the prior pays for
-        return Absorbed(basis, r - basis @ (basis.T @ r), noise, measured, max(noise.numbers - spent, 1.0))
+        # less what the prior pays for
+        spent = np.sum(basis[:measured].reshape(len(residual), -1, basis.shape[1]) ** 2, axis=(0, 2))
+        count = max(noise.numbers - float(spent.sum()), 1.0)
+        return Absorbed(basis, r - basis @ (basis.T @ r), noise, measured, count, spent)
 
     def picture(self, vocabulary: Vocabulary) -> Picture:
         """Of the columns of a vocabulary beside the declared ones."""

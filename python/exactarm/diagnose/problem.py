@@ -82,8 +82,8 @@ class Problem(ABC):
         distances between neighbours, sessions far apart; None where neighbours are dealt with otherwise."""
         return None
 
-    def noise_of(self, left: np.ndarray, lost: float = 0.0) -> NoiseModel:
-        """The noise of the rows (N, m), from what `lost` parameters leave of them."""
+    def noise_of(self, left: np.ndarray, lost: float | np.ndarray = 0.0) -> NoiseModel:
+        """The noise of the rows (N, m), from what `lost` parameters, in all or of each component, leave."""
         return estimate_noise(left, lost, self.groups(), self.order())
 
     def groups_for(self, response: np.ndarray) -> np.ndarray:

@@ -111,7 +111,8 @@ def _settled(problem: Problem, at: At, noise: NoiseModel) -> Found | None:
         if len(members.blocks) > MOST_AT_ONCE:
             return None
         residual = at.residual - _prediction(picture, members, at, noise)
-        lost = at.jacobian.shape[2] + sum(found.block(i).columns for i in members.blocks) * _COLUMN_COSTS
+        columns = sum(found.block(i).columns for i in members.blocks)
+        lost = picture.absorbed.spent + columns * _COLUMN_COSTS / residual.shape[1]
         before, noise = noise, problem.noise_of(residual, lost)
         if alike(before, noise):
             break

@@ -37,12 +37,16 @@ _LEAST_WITHIN = 1e-6
 
 
 def estimate_noise(
-    residual: np.ndarray, lost: float = 0.0, visits: np.ndarray | None = None, order: np.ndarray | None = None
+    residual: np.ndarray, lost: float | np.ndarray = 0.0, visits: np.ndarray | None = None,
+    order: np.ndarray | None = None,
 ) -> NoiseModel:
-    """The best family for residuals (N, m); lost: parameters that were fitted to them; visits (N,): numbers
-    of poses; order (N,): places of the rows in the order in which they were measured."""
+    """The best family for residuals (N, m); lost: parameters that were fitted to them, in all or to each
+    component (m,), the precise ones having the most; visits (N,): numbers of poses; order (N,): places of the
+    rows in the order in which they were measured."""
     rows, m = residual.shape
-    blow = np.sqrt(rows * m / max(rows * m - lost, 1.0))  # a fit leaves less than the noise
+    each = np.broadcast_to(np.asarray(lost) / (m if np.ndim(lost) == 0 else 1), m)
+    blow = np.sqrt(rows / np.maximum(rows - each, 1.0))  # a fit leaves less than the noise
+    lost = float(each.sum())
     e = residual * blow
     found, further = [], []  # parameters beyond those of one normal law
     for kinds in (_kinds(residual), np.ones(m, int)):
