@@ -12,7 +12,13 @@ from exactarm.effects.gravity_compensator import GravityCompensator
 from exactarm.effects.joint_compliance import DISTRIBUTION
 from exactarm.errors import InputError
 from exactarm.rest_load import RestLoad
-from exactarm.robot.generic_masses import generic_links, with_declared_masses, with_generic_masses
+from exactarm.robot.generic_masses import (
+    SPREAD,
+    generic_links,
+    with_declared_masses,
+    with_generic_masses,
+    with_unknown_load,
+)
 from exactarm.robot.robot import Joint, Robot
 from exactarm.robot.urdf import urdf_text
 from exactarm.robot_file import load_robot, write_robot
@@ -131,3 +137,16 @@ def test_no_spring_is_said_to_take_load_off_that_nobody_knows():
     guessed = with_generic_masses(bare(robot))
     assert not tuple(GravityCompensator.candidates(guessed, view(guessed)))
     assert len(tuple(GravityCompensator.candidates(robot, view(robot)))) == 2 * robot.axes
+
+
+def test_the_size_of_a_load_is_as_unknown_as_arms_differ():
+    """Masses of three arms beside those of the law, which takes 9 kg/m^3 for all of them."""
+    mass = lambda links: sum(link.mass for link in links)
+    beside = [mass(robot.links) / mass(generic_links(bare(robot))) for robot in three_arms()]
+    assert np.std(np.log(beside), ddof=1) == pytest.approx(SPREAD, abs=0.05)
+    low, high = with_unknown_load(bare(three_arms()[0]), 2e-6, 1.9e-6, 2.1e-6)
+    assert low == pytest.approx(2e-6 * np.exp(-1.96 * SPREAD), rel=0.01)
+    assert low * high == pytest.approx(4e-12, rel=0.01)
+    weighed = replace(bare(three_arms()[0]), mass=30.0)
+    assert with_unknown_load(weighed, -2e-6, -2.2e-6, -1.8e-6)[1] == pytest.approx(-1.46e-6, rel=0.02)
+    assert with_unknown_load(weighed, 0.0, -1e-6, 2e-6) == pytest.approx((-1.342e-6, 2.684e-6), rel=1e-3)

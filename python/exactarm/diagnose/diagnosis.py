@@ -46,6 +46,7 @@ from exactarm.identify.loads import kept_masses
 from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.noise.model import NoiseModel
 from exactarm.noise.sharing import shared_covariance
+from exactarm.robot.generic_masses import with_unknown_load
 from exactarm.robot.robot import Robot
 
 # Steps as they are told, in their order; ALL_ROWS only where the search takes a part of them.
@@ -314,6 +315,8 @@ def _finding(accepted: Accepted, last, declared, place, errors, problem, own_sha
     names = [parameter.name for parameter in effect.parameters()]
     for name, between in effect.searched_between(last.view).items():
         intervals[names.index(name)] = between
+    for k in np.flatnonzero(effect.per_guessed_load(last.view) & free):
+        intervals[k] = with_unknown_load(last.robot, effect.values[k], *intervals[k])
     covariance = np.zeros((len(effect.values),) * 2)
     covariance[np.ix_(free, free)] = last.fit.covariance[where, where]
     derived = {}

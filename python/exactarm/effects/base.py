@@ -65,6 +65,7 @@ class Effect(ABC):
     of_record: ClassVar[bool] = False
     of_one_session: ClassVar[bool] = False  # the rows of one alone tell of it
     by_load: ClassVar[bool] = False  # its size or side is decided by the load of a joint
+    per_load: ClassVar[bool] = False  # all its values are sizes per Nm of that load
     # a Gaussian prior around the declared values, as wide as they are plausible
     drawn_to_declared: ClassVar[bool] = False
     repeatable: ClassVar[bool] = False  # several of them may act on one axis (harmonics of different orders)
@@ -97,6 +98,11 @@ class Effect(ABC):
     def index(self) -> int:
         """The axis, from 0."""
         return self.joint - 1
+
+    def per_guessed_load(self, view: View) -> np.ndarray:
+        """(k,) bool: values that are sizes per Nm of a load which generic masses make."""
+        guessed = view.robot.generic_masses if self.joint is None else view.guessed_load(self.index)
+        return np.full(len(self.values), self.per_load and guessed)
 
     @property
     def label(self) -> str:

@@ -25,6 +25,7 @@ class BaseCompliance(Effect):
     kinds = WITH_TARGET
     compensable = True
     by_load = True
+    per_load = True
     per_joint = False
     sentence = (
         "the foundation tilts, or axis 1 bends across itself (the two look alike), by {rad_per_Nm:.3g} rad "

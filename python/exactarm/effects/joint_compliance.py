@@ -46,6 +46,7 @@ class JointCompliance(Effect):
     kinds = (POSES.name, MOTION.name, TRACKED_MOTION.name)
     compensable = True
     by_load = True
+    per_load = True
     sentence = "axis {joint} gives way by {linear_rad_per_Nm:.3g} rad for every Nm that it carries"
     source = "thesis 1.1.2, (2.18), E4; Caenen and Angue 1990"
 
@@ -109,6 +110,10 @@ class RelativeCompliance(JointCompliance):
             Parameter("tip_rad_per_Nm", _PLAUSIBLE, fixed=not self.tip_free),
             Parameter("own_rad_per_Nm", _PLAUSIBLE, fixed=not self.own_free),
             *(Parameter(name, DISTRIBUTION * _PLAUSIBLE, prior=spread) for name in _moment_names(self.links)))
+
+    def per_guessed_load(self, view) -> np.ndarray:
+        """Beside payloads that are known, sizes are those of a known weight."""
+        return super().per_guessed_load(view) & (not self.own_free)
 
     def describe(self) -> str:
         return super().describe() + ("" if self.own_free else ", as a generic distribution of masses has it")

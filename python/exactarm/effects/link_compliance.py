@@ -27,6 +27,7 @@ class LinkCompliance(Effect):
     kinds = WITH_TARGET
     compensable = True
     by_load = True
+    per_load = True
     sentence = "bearing and link of axis {joint} bend across the axis by {rad_per_Nm:.3g} rad per Nm"
     source = "Abele, Weigold and Rothenbuecher 2007; Klimchik et al. 2013"
 

@@ -132,6 +132,9 @@ class WeightDependence(LoadDependence):
     def of_waves(self) -> bool:
         return False
 
+    def per_guessed_load(self, view) -> np.ndarray:
+        return np.array([True, False])
+
     def parameters(self) -> tuple[Parameter, ...]:
         most = _MOST_TURNED
         return (Parameter("weight_rad_per_Nm", 5e-6, 0.0),

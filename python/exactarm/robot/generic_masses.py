@@ -21,6 +21,10 @@ from exactarm.robot.robot import Link, Placement, Robot
 
 KG_PER_CUBIC_METRE = 9.0  # of the cube of the arm's length
 DRIVE_SHARE = 0.2  # of a drive's mass to that of a tube: 0.1 to 0.3 are alike on the three arms
+# standard deviation of the logarithm of a load by this law: of kg/m^3 of the three arms (7, 6, 18), and what
+# the shape leaves where the mass of the whole arm is known
+SPREAD, SPREAD_OF_SHAPE = 0.6, 0.15
+_TWO_SIDED = 1.96  # standard deviations, 95 %
 
 
 def generic_links(robot: Robot, mass: float | None = None) -> tuple[Link, ...] | None:
@@ -57,6 +61,18 @@ def with_generic_masses(robot: Robot, mass: float | None = None) -> Robot:
         return robot
     links = generic_links(robot, mass)
     return robot if links is None else replace(robot, links=links, generic_masses=True)
+
+
+def with_unknown_load(robot: Robot, value: float, low: float, high: float) -> tuple[float, float]:
+    """The 95 % interval of a size per Nm (or N) of a generic load, from that for the load as it is taken."""
+    doubt = _TWO_SIDED * (SPREAD_OF_SHAPE if robot.mass else SPREAD)
+    if value < 0.0:
+        low, high = with_unknown_load(robot, -value, -high, -low)
+        return -high, -low
+    if low <= 0.0:
+        return low * float(np.exp(doubt)), high * float(np.exp(doubt))
+    return (value * float(np.exp(-np.hypot(np.log(value / low), doubt))),
+            value * float(np.exp(np.hypot(np.log(high / value), doubt))))
 
 
 def with_declared_masses(robot: Robot) -> Robot:
