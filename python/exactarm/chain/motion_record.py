@@ -48,7 +48,7 @@ _EDGE_PERIODS = 3.0  # of the bandwidth, left out at both ends of a run
 class MotionRecord:
     """theta, theta_dot, theta_ddot, torque (N, n); inside (N,) bool: rows away from the ends of their run;
     at_reversal (N,) bool: rows that hang on what no model defines (chain/passage.py); keep: inside and not
-    at_reversal.
+    at_reversal; behind_kept: how many more stay because too few rows would be left.
 
     direction (N, n): of the motor's motion, -1 to 1 (chain/direction.py).
     data: the resampled rows; runs: row indices in the order of time; bandwidth_hz: None where nothing was
@@ -70,6 +70,7 @@ class MotionRecord:
     logged_step: float
     dry: DryFriction
     at_reversal: np.ndarray
+    behind_kept: int = 0
     samples: LogSamples | None = None
 
     @property

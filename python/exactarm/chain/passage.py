@@ -56,7 +56,7 @@ def motion_clear_of_reversals(robot: Robot, record: MotionRecord, data: Dataset,
     empty = Layout((), ())
     predict = lambda record: predict_motion(robot, empty, record, tangents=False,
                                             threads=threads).torque[:, axes]
-    return replace(record, at_reversal=_unclear(robot, record, predict, noise))
+    return _without_unclear(robot, record, predict, noise)
 
 
 def track_clear_of_reversals(robot: Robot, record: MotionRecord) -> MotionRecord:
@@ -66,17 +66,21 @@ def track_clear_of_reversals(robot: Robot, record: MotionRecord) -> MotionRecord
     data, empty = record.data, Layout((), ())
     noise = np.array([max(_white(column, record.runs), _LEAST_NOISE_M) for column in data.position.T])
     predict = lambda of: predict_tracked_motion(robot, empty, data, record=of, tangents=False).position
-    return replace(record, at_reversal=_unclear(robot, record, predict, noise))
+    return _without_unclear(robot, record, predict, noise)
 
 
 def reversals_left_out(records: Iterable[MotionRecord]) -> tuple[str, ...]:
-    """In words, how many rows these records leave out; empty where none."""
-    out, rows = (sum(int(np.sum(part)) for part in parts)
-                 for parts in zip(*((r.at_reversal & r.inside, r.inside) for r in records)))
-    if not out:
-        return ()
-    return (f"{out} of {rows} rows at reversals were left out: how a gear passes there from one direction's "
-            "table to the other's is not known",)
+    """In words, how many rows these records leave out, and how many stay for want of others; empty where
+    none."""
+    out, rows, stay = (sum(int(np.sum(part)) for part in parts)
+                       for parts in zip(*((r.at_reversal & r.inside, r.inside, r.behind_kept)
+                                          for r in records)))
+    words = (f"{out} of {rows} rows at reversals were left out: how a gear passes there from one direction's "
+             "table to the other's is not known",) if out else ()
+    if stay:
+        words += (f"{stay} of {rows} rows behind reversals stay, though a gear may pass there, too: fewer than "
+                  "half of the rows would be left; motions with longer strokes part the two",)
+    return words
 
 
 def _reverses(robot: Robot, record: MotionRecord) -> bool:
@@ -84,9 +88,9 @@ def _reverses(robot: Robot, record: MotionRecord) -> bool:
     return bool(np.any(np.mod(record.direction[:, differing], 1.0)))
 
 
-def _unclear(robot: Robot, record: MotionRecord, predict: Callable[[MotionRecord], np.ndarray],
-             noise: np.ndarray) -> np.ndarray:
-    """(N,) bool; noise (m,)."""
+def _without_unclear(robot: Robot, record: MotionRecord, predict: Callable[[MotionRecord], np.ndarray],
+                     noise: np.ndarray) -> MotionRecord:
+    """The record without rows that a passage moves by more than a share of the noise (m,)."""
     assumed, angle = predict(record), record.theta / np.abs(robot.ratios)
 
     def by(passages) -> np.ndarray:
@@ -101,7 +105,9 @@ def _unclear(robot: Robot, record: MotionRecord, predict: Callable[[MotionRecord
 
     about = by(ABOUT_S)
     either = about | by(BEHIND_S)
-    return either if np.mean(~either[record.inside]) >= LEAST_LEFT else about
+    if np.mean(~either[record.inside]) >= LEAST_LEFT:
+        return replace(record, at_reversal=either)
+    return replace(record, at_reversal=about, behind_kept=int(np.sum((either & ~about)[record.inside])))
 
 
 def _white(values: np.ndarray, runs) -> float:
