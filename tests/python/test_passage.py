@@ -74,7 +74,8 @@ def test_rows_behind_reversals_stay_where_too_few_would_remain(rigid, monkeypatc
     few = left_out()
     stay = (both & ~few & record.inside).sum()
     said = reversals_left_out([motion_clear_of_reversals(rigid, record, data)])
-    assert len(said) == 2 and said[1].startswith(f"{stay} of {record.inside.sum()} rows behind reversals stay")
+    words = f"{stay} of {record.inside.sum()} rows behind reversals stay"
+    assert len(said) == 2 and said[1].startswith(words)
     monkeypatch.setattr(passage, "BEHIND_S", ())
     assert np.array_equal(few, left_out()) and few.sum() < 0.7 * both.sum() and np.all(both[few])
 

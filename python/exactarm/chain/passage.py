@@ -78,8 +78,8 @@ def reversals_left_out(records: Iterable[MotionRecord]) -> tuple[str, ...]:
     words = (f"{out} of {rows} rows at reversals were left out: how a gear passes there from one direction's "
              "table to the other's is not known",) if out else ()
     if stay:
-        words += (f"{stay} of {rows} rows behind reversals stay, though a gear may pass there, too: fewer than "
-                  "half of the rows would be left; motions with longer strokes part the two",)
+        words += (f"{stay} of {rows} rows behind reversals stay, though a gear may pass there, too: fewer "
+                  "than half of the rows would be left; longer strokes part the two",)
     return words
 
 
