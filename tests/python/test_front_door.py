@@ -124,6 +124,17 @@ def test_plots_take_axes_and_give_axes(result):
         result.plot(axes, "parameters")
 
 
+@pytest.mark.parametrize("make", [
+    lambda: ea.plan("racer-7-1.4", "line", rate_hz=100),
+    lambda: ea.identifiable("ur10", SERIES),
+    lambda: ea.gear("kr300", [ea.example("kr300/run_A"), ea.example("kr300/run_B")]),
+])
+def test_a_figure_of_one_panel_is_drawn_on_axes_that_exist(make):
+    made = make()
+    axes = Figure().subplots()
+    assert made.plot(axes) is axes and axes.has_data() and axes.get_xlabel()
+
+
 @pytest.mark.drawn
 def test_a_result_is_saved_as_the_command_line_saves_it(result, tmp_path):
     page = result.save(tmp_path / "out")

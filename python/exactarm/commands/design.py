@@ -47,6 +47,7 @@ from exactarm.progress import SILENT, Progress
 from exactarm.report import Figure, Quantity, Report, Section, Table, Text, Warnings
 from exactarm.report.numbers import number
 from exactarm.report.plots.design import observability_over_steps
+from exactarm.report.plots.style import figure_of_panel
 from exactarm.report.plots.workspace import poses_view
 from exactarm.robot.controller_frames import with_target
 from exactarm.robot.robot import Robot
@@ -256,10 +257,10 @@ def _warnings(design: Design) -> tuple[str, ...]:
 
 def _history_figure(design: Design) -> Figure:
     references = {"after polishing": design.observability.O1}
-    return Figure("observability", "Observability over the exchange",
-                  partial(observability_over_steps, design.history, references=references),
-                  "O1 of the best set after each step: one pose added, one removed.",
-                  "O1 rising over the steps")
+    return figure_of_panel("observability", "Observability over the exchange",
+                           partial(observability_over_steps, design.history, references=references), 3.2,
+                           "O1 of the best set after each step: one pose added, one removed.",
+                           "O1 rising over the steps")
 
 
 def _pose_figure(design: Design) -> Figure:

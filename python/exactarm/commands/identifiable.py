@@ -57,6 +57,7 @@ from exactarm.progress import SILENT, Progress
 from exactarm.report import Cell, Figure, Quantity, Report, Section, Table, Text, Warnings
 from exactarm.report.numbers import number
 from exactarm.report.plots.parameters import singular_values
+from exactarm.report.plots.style import figure_of_panel
 from exactarm.robot.robot import Robot
 from exactarm.robot_file import load_robot
 
@@ -278,9 +279,9 @@ def _deviations(result: Identifiability) -> np.ndarray:
 
 
 def _figure(result: Identifiability) -> Figure:
-    return Figure(
+    return figure_of_panel(
         "singular_values", "Singular values",
-        partial(singular_values, result.singular_values, int(np.sum(result.singular_values > 1e-9))),
+        partial(singular_values, result.singular_values, int(np.sum(result.singular_values > 1e-9))), 3.0,
         "All columns of the stacked identification Jacobian, each scaled to unit length. Those that vanish "
         "count the combinations of parameters that move nothing.",
         "Singular values in falling order on a logarithmic scale")
