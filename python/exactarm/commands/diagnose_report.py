@@ -77,10 +77,9 @@ def verdict_of(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contr
              else f"the fitted {rows} (none were held out)")
     lacks = {finding.effect.label for finding in named}
     lacked = [pair for pair in found if pair[0].effect.label in lacks]
-    against = beside(refuted)
     text = (
-        f"The model lacked {causes_in_words(result, lacked, robot.axes)}. With this{against} in it the RMS "
-        f"error on {whose} {change(before, after, result.unit)}{_many_left_out(result, judged)}.")
+        f"The model lacked {causes_in_words(result, lacked, robot.axes)}. With this in it the RMS error on "
+        f"{whose} {change(before, after, result.unit)}{_many_left_out(result, judged)}.{beside(refuted)}")
     doubtful = [a for a in result.alternatives if a.collides]
     if doubtful:
         own = next((f.effect for f in result.findings if f.effect.label == doubtful[0].instead_of), None)
