@@ -8,6 +8,7 @@ import re
 import resource
 import subprocess
 import sys
+from pathlib import Path
 
 import matplotlib
 import numpy as np
@@ -43,6 +44,13 @@ def test_every_public_name_is_there_and_documented():
             callable(getattr(ea, name))
             and str(inspect.signature(getattr(ea, name))) == str(inspect.signature(function))
         )
+
+
+def test_every_public_name_is_in_the_reference():
+    page = (Path(__file__).parents[2] / "docs" / "api.md").read_text()
+    assert not {name for name in ea.__all__ if not re.search(rf"[.:]\s?{name}\b|\bea\.{name}\b", page)} - {
+        "Result"}  # CommandResult by its name in the package
+    assert "CommandResult" in page and "0x" not in str(inspect.signature(ea.calibrate))
 
 
 def test_a_room_of_the_package_stays_a_module_and_is_the_command_of_its_name():

@@ -26,7 +26,9 @@ def data_path(name: str = "") -> Path:
     if not path.exists():
         files = sorted(str(file.relative_to(EXAMPLES)) for file in EXAMPLES.rglob("*")
                        if file.suffix in (".csv", ".parquet"))
-        raise InputError(f"no shipped data named {name!r}; expected one of {', '.join(files)}")
+        close = meant_example(name)
+        expected = f"did you mean {close}?" if close else f"expected one of {', '.join(files)}"
+        raise InputError(f"no shipped data named {name!r}; {expected}")
     return path
 
 
