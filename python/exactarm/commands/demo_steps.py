@@ -23,9 +23,9 @@ class Step:
 STEPS = (
     Step("ur10_calibrate", "UR10 under a laser tracker: calibrate the arm",
          ("calibrate", "ur10", "{example/ur10/series_B.csv}", "{example/ur10/series_C.parquet}"),
-         picture="error_histogram"),
+         picture="error_histogram", headline="UR10, calibrated"),
     Step("ur10_transfer_train", "UR10: calibrate on series B alone",
-         ("calibrate", "ur10", "{example/ur10/series_B.csv}"), headline="UR10, calibrated"),
+         ("calibrate", "ur10", "{example/ur10/series_B.csv}")),
     Step("ur10_transfer_judge", "UR10: the arm from series B judged on series C",
          ("evaluate", "{out/ur10_transfer_train/robot.toml}", "{example/ur10/series_C.parquet}"),
          picture="error_histogram"),
