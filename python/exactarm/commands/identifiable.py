@@ -94,7 +94,8 @@ def identifiable(robot: AnyRobot, files: str | Path | Sequence[str | Path] = (),
                  threads: int | None = None, progress: Progress = SILENT, **options: Any) -> CommandResult:
     """Which parameters measured or planned poses can show, and how well; without files: random poses.
 
-    options: those of `exactarm identifiable --help` with their names (count=200, use="pose", ...).
+    options: those of `exactarm identifiable --help` with their names (count=200, use="pose", tool_m=[0.05, 0,
+    0.1], ...).
 
         >>> import exactarm as ea
         >>> found = ea.identifiable("ur10", count=60)
