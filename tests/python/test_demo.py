@@ -33,7 +33,7 @@ def test_the_page_begins_with_what_the_steps_have_brought():
 
     report = demo._report([ended("arm", 1e-3, 1e-4), ended("gear", 2e-3, 1e-3),
                            ended("plan", 1e-3, 1e-9, real=False)], [])
-    assert "between 1/10 and 1/2 of what it was. 3 of 3 steps done" in report.verdict
+    assert "is now 10 to 50 % of what it was. 3 of 3 steps done" in report.verdict
     page = render_html(report)
     assert page.index("arm, after") < page.index("All steps") and "1.00 nm" in page
     assert page.count('class="short" data-name') == 0 and '<td data-name="report" class="short">' in page

@@ -112,17 +112,17 @@ def _errors(result: dict[str, Any]) -> tuple[float | None, float | None, str]:
 def _report(outcomes: list[Outcome], failed: list[Outcome]) -> Report:
     done = len(outcomes) - len(failed)
     found = [(outcome, _errors(outcome.published.json)) for outcome in outcomes if outcome.published]
-    rows, headlines, falls = [], [], []
+    rows, headlines, left = [], [], []
     for outcome, (before, after, unit) in found:
         rows.append((outcome.step.title, "measured" if outcome.step.real else "simulated",
                      *quantities([before, after], unit), Quantity(outcome.seconds, "s"),
                      Link(f"{outcome.step.folder}/report.html", "report")))
         if outcome.step.headline and before and after:
             headlines.append(Highlight(outcome.step.headline, Quantity(after, unit), Quantity(before, unit)))
-            falls += [before / after] if outcome.step.real else []
+            left += [100.0 * after / before] if outcome.step.real else []
     rows += [(outcome.step.title, "failed", "", "", Quantity(outcome.seconds, "s"), "") for outcome in failed]
-    verdict = (f"On real robots the mean error of measurements that were never fitted falls to between "
-               f"1/{max(falls):.0f} and 1/{min(falls):.0f} of what it was. " if len(falls) > 1 else "")
+    verdict = ("On real robots the mean error of measurements that were never fitted is now "
+               f"{min(left):.0f} to {max(left):.0f} % of what it was. " if len(left) > 1 else "")
     verdict += f"{done} of {len(outcomes)} steps done" + (
         f"; {len(failed)} failed, see the warnings." if failed else ".")
     sections: list[Section] = [Highlights(tuple(headlines))] if headlines else []
