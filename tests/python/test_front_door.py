@@ -57,6 +57,8 @@ def test_a_room_of_the_package_stays_a_module_and_is_the_command_of_its_name():
     module = importlib.import_module("exactarm.plan.optimal")
     assert inspect.ismodule(ea.plan) and ea.plan.optimal is module
     assert ea.plan("racer-7-1.4", "line", rate_hz=100)["solver"]["status"] == "solved"
+    told = inspect.getdoc(ea.plan)  # by help(ea.plan), and ea.plan? at a prompt
+    assert told.startswith("exactarm.plan(robot: 'AnyRobot', path:") and "also a package: Offline" in told
 
 
 def test_shipped_data_are_named_as_shipped_robots_are(tmp_path, monkeypatch, capsys):
