@@ -9,6 +9,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "python"))
 import exactarm
 
 project, author = "exactarm", "the exactarm developers"
+copyright = f"2026, {author}"
 version = release = exactarm.__version__
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax",
               "sphinx_copybutton"]

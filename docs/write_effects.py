@@ -19,13 +19,13 @@ PAGE = Path(__file__).with_name("effects.md")
 SHAPES = ((), (0.0,), (1.0, 0.0, 0.0))  # of the values, where the parameters depend on how many there are
 HEAD = """# The library of effects
 
-Written by `python docs/write_effects.py`; a test compares this page with the library. What an effect is:
-[design.md](design.md). How to add one: [adding-an-effect.md](adding-an-effect.md). `thesis` and bracketed
-numbers: [method.md](method.md).
+An effect is one physical cause of error on one axis or of the set-up ([design](design.md)). It is given on
+the command line of `simulate` as words (`--effect "backlash joint=2 width_rad=4e-4"`), and stands in a robot
+file as an entry `[[effects]]` with the same keys. *Plausible* is the magnitude that counts as ordinary: it
+scales searches and priors and bounds nothing.
 
-An effect is given on the command line of `simulate` as words (`--effect "backlash joint=2 width_rad=4e-4"`),
-and stands in a robot file as an entry `[[effects]]` with the same keys. *Plausible* is the magnitude that
-counts as ordinary: it scales searches and priors and bounds nothing.
+One that you miss is one file ([adding an effect](adding-an-effect.md)). `thesis` and bracketed numbers refer
+to the source ([method](method.md)). `python docs/write_effects.py` writes this page from the library.
 """
 
 

@@ -52,6 +52,15 @@ class _CallablePackage(ModuleType):
         return _command(self.__name__.rpartition(".")[2])(*values, **options)
 
     @property
+    def __doc__(self) -> str:  # type: ignore[override]
+        """What `help(exactarm.plan)` says: of the command, then of the package."""
+        import inspect
+
+        name, own = self.__name__.rpartition(".")[2], self.__dict__["__doc__"]
+        return (f"exactarm.{name}{self.__signature__}\n\n{inspect.getdoc(_command(name))}\n\n"
+                f"exactarm.{name} is also a package: {own}")
+
+    @property
     def __signature__(self) -> Any:
         import inspect
 

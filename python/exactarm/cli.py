@@ -165,14 +165,18 @@ def overview(commands: dict[str, tuple[str, str]]) -> str:
     return "\n".join([
         "usage: exactarm COMMAND ROBOT [FILES] --out DIR",
         "",
-        *wrapped("Finds out why a robot arm misses, puts the cause into its model, and plans motions that "
-                 "cancel it."),
+        *wrapped("Calibrates a robot arm, finds the causes of the error that is left, and corrects its "
+                 "programs and motions for them."),
+        "",
+        "Begin with data that come with the package:",
+        "  exactarm calibrate ur10 ur10/series_B --out calibrated",
+        "  exactarm demo --out demo",
         "",
         *lines,
         "",
         "`exactarm COMMAND --help` lists the options of a command.",
         "Tab completion: eval \"$(exactarm --completion bash)\"",
-        "Exit code: 0 done, 1 the computation failed, 2 bad input.",
+        *wrapped("Exit code: 0 done, 1 the computation failed, 2 bad input, 130 interrupted."),
         "",
     ])
 

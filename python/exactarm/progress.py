@@ -41,6 +41,9 @@ class Progress:
         self._last: tuple[str, ...] = ()
         self._number, self._began, self._long = 0, 0.0, False
 
+    def __repr__(self) -> str:
+        return "<Progress: silent>" if self._stream is None else "<Progress>"
+
     def part(self, name: str) -> None:
         """All stages from now on belong to this part of a longer work; a line of its own in a pipe."""
         self._part, self._steps, self._number = name, {}, 0

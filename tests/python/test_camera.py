@@ -1,4 +1,4 @@
-"""A camera and a flat board: lens and derivatives, start from nowhere, calibration, pictures with one error
+"""A camera and a flat board: lens and derivatives, no starting values, calibration, pictures with one error
 each, wrong corners, files."""
 
 import json
@@ -120,7 +120,7 @@ def test_derivatives_by_every_parameter_agree_with_differences(on_flange):
     assert_derivative(at, layout.values, -back(prediction, prediction.jacobian), 1e-4, relative=1e-6)
 
 
-def test_two_frames_follow_from_nowhere():
+def test_two_frames_follow_without_starting_values():
     random = np.random.default_rng(2)
     targets = exp(random.normal(0.0, 1.0, (6, 3))), random.normal(0.0, 0.5, (6, 3))
     mount, world = ((exp(random.normal(0.0, 1.0, 3)), random.normal(0.0, 0.3, 3)) for _ in range(2))

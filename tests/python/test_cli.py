@@ -219,6 +219,8 @@ def test_python_dash_m_is_the_command():
      "unknown effect 'backlsh'; did you mean backlash?"),
     (["calibrate", "ur10", "poses.csv"], "poses.csv, column thta_1_rad: is no quantity of a joint; did you "
                                          "mean theta_1_rad?"),
+    (["calibrate", "ur10", "marked.csv"], "column sesion: would not be read; did you mean session?"),
+    (["calibrate", "ur10", "joints.csv"], "did you mean it with joint_1_deg (--map joint_1_deg=q_1_deg)?"),
     (["plan", "ur10", "line", "--kind", "poses"], "unrecognized arguments: --kind poses"),
 ])
 def test_what_is_misspelt_is_answered_with_what_was_meant(tmp_path, monkeypatch, capsys, words, line):
@@ -226,6 +228,9 @@ def test_what_is_misspelt_is_answered_with_what_was_meant(tmp_path, monkeypatch,
     Path("poses.csv").write_text("thta_1_rad,x_m,y_m,z_m\n0,0,0,0\n")
     angles = ",".join(f"q_{axis}_deg" for axis in range(1, 6))
     Path("poses_deg.csv").write_text(f"{angles},q6_deg,x_m,y_m,z_m\n0,0,0,0,0,0,0,0,0\n")
+    Path("marked.csv").write_text(f"sesion,{angles},q_6_deg,x_m,y_m,z_m\n1,0,0,0,0,0,0,0,0,0\n")
+    theirs = ",".join(f"joint_{axis}_deg" for axis in range(1, 7))
+    Path("joints.csv").write_text(f"{theirs},x_m,y_m,z_m\n0,0,0,0,0,0,0,0,0\n")
     out = ["--out", "out"] if len(words) > 1 else []
     assert cli.main([*words, *out]) == 2
     assert line in capsys.readouterr().err

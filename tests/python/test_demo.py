@@ -2,6 +2,7 @@
 nothing."""
 
 import json
+from types import SimpleNamespace
 
 import pytest
 
@@ -10,6 +11,7 @@ from exactarm.commands import demo
 from exactarm.commands.demo_steps import STEPS, Step
 from exactarm.commands.listing import find_commands
 from exactarm.files.examples import data_path
+from exactarm.report.html import render_html
 
 
 def test_every_step_names_a_command_and_files_that_exist():
@@ -21,6 +23,20 @@ def test_every_step_names_a_command_and_files_that_exist():
                 assert data_path(path).exists() if kind == "example" else path.split("/")[0] in folders
         assert step.folder not in folders
         folders.add(step.folder)
+
+
+def test_the_page_begins_with_what_the_steps_have_brought():
+    def ended(folder, before, after, real=True):
+        step = Step(folder, folder, ("calibrate",), real, headline=f"{folder}, after")
+        json = {"before": {"validation": {"mean": before}}, "after": {"validation": {"mean": after}}}
+        return demo.Outcome(step, 1.0, SimpleNamespace(json=json, report=None))
+
+    report = demo._report([ended("arm", 1e-3, 1e-4), ended("gear", 2e-3, 1e-3),
+                           ended("plan", 1e-3, 1e-9, real=False)], [])
+    assert "is now 10 to 50 % of what it was. 3 of 3 steps done" in report.verdict
+    page = render_html(report)
+    assert page.index("arm, after") < page.index("All steps") and "1.00 nm" in page
+    assert page.count('class="short" data-name') == 0 and '<td data-name="report" class="short">' in page
 
 
 @pytest.mark.slow

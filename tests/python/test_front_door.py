@@ -8,6 +8,7 @@ import re
 import resource
 import subprocess
 import sys
+from pathlib import Path
 
 import matplotlib
 import numpy as np
@@ -45,10 +46,19 @@ def test_every_public_name_is_there_and_documented():
         )
 
 
+def test_every_public_name_is_in_the_reference():
+    page = (Path(__file__).parents[2] / "docs" / "api.md").read_text()
+    assert not {name for name in ea.__all__ if not re.search(rf"[.:]\s?{name}\b|\bea\.{name}\b", page)} - {
+        "Result"}  # CommandResult by its name in the package
+    assert "CommandResult" in page and "0x" not in str(inspect.signature(ea.calibrate))
+
+
 def test_a_room_of_the_package_stays_a_module_and_is_the_command_of_its_name():
     module = importlib.import_module("exactarm.plan.optimal")
     assert inspect.ismodule(ea.plan) and ea.plan.optimal is module
     assert ea.plan("racer-7-1.4", "line", rate_hz=100)["solver"]["status"] == "solved"
+    told = inspect.getdoc(ea.plan)  # by help(ea.plan), and ea.plan? at a prompt
+    assert told.startswith("exactarm.plan(robot: 'AnyRobot', path:") and "also a package: Offline" in told
 
 
 def test_shipped_data_are_named_as_shipped_robots_are(tmp_path, monkeypatch, capsys):
@@ -122,6 +132,17 @@ def test_plots_take_axes_and_give_axes(result):
     assert len(result.plot(what="parameters")) > 1
     with pytest.raises(ea.InputError, match="of one panel"):
         result.plot(axes, "parameters")
+
+
+@pytest.mark.parametrize("make", [
+    lambda: ea.plan("racer-7-1.4", "line", rate_hz=100),
+    lambda: ea.identifiable("ur10", SERIES),
+    lambda: ea.gear("kr300", [ea.example("kr300/run_A"), ea.example("kr300/run_B")]),
+])
+def test_a_figure_of_one_panel_is_drawn_on_axes_that_exist(make):
+    made = make()
+    axes = Figure().subplots()
+    assert made.plot(axes) is axes and axes.has_data() and axes.get_xlabel()
 
 
 @pytest.mark.drawn

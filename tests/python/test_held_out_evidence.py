@@ -94,7 +94,8 @@ def test_an_effect_that_held_out_rows_refute_is_not_what_the_model_lacks():
     sets = {"identification": summarise(np.full(5, 1.0)), "validation": summarise(np.full(5, 1.0))}
     both, alone = (sentence_of(EXPLAINED, found, [], sets, sets, None, 1.0)
                    for found in ([right, wrong], [wrong]))
-    assert both.startswith("The model lacks backlash of axis 2; with it and gear ratio of axis 5, against")
+    assert both.startswith("The model lacks backlash of axis 2; with it the")
+    assert both.endswith("holds gear ratio of axis 5, which rows that were not fitted contradict.")
     assert alone.startswith("The fitted rows ask for gear ratio of axis 5;") and "speak against it" in alone
 
 

@@ -72,7 +72,7 @@ def test_derivatives_by_every_parameter_agree_with_differences(open_arm):
     assert_derivative(at, layout.values, -prediction.jacobian[:, :1], 1e-4, relative=1e-6)
 
 
-def test_the_base_and_the_ball_of_a_partner_are_found_from_nowhere():
+def test_the_base_and_the_ball_of_a_partner_are_found_without_starting_values():
     random = np.random.default_rng(3)
     flange, turned = random.normal(0.0, 0.4, (40, 3)), exp(random.normal(0.0, 1.0, (40, 3)))
     base, ball = np.array([1.0, 0.2, -0.1]), np.array([0.05, -0.03, 0.12])

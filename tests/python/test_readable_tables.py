@@ -24,6 +24,7 @@ def test_logarithmic_axes_are_labelled_in_text_that_a_reader_can_read(tmp_path):
     assert {"10⁻⁴", "10⁰", "10³"} <= set(labels(1e-4, 1e3))
     narrow = labels(2.0e-3, 5.0e-3)  # less than a decade: the lines between are labelled
     assert "3×10⁻³" in narrow and not any(set(text) & set("$\\{}") for text in narrow)
+    assert {"0.1", "0.6", "0.03"} <= set(labels(2.8e-2, 0.8))  # no powers of ten where they help nobody
 
 
 def test_columns_of_text_that_are_numbers_stand_as_numbers():

@@ -99,12 +99,12 @@ def test_a_column_of_several_units_is_read_row_by_row():
 def test_a_scale_is_found_for_every_size():
     for exponent in range(-15, 10):
         assert choose_scale([10.0**exponent], "m").size in (1.0, 1e-3, 1e-6, 1e-9)
-    assert number(10.0) == "10.0"
+    assert number(10.0) == "10.0" and number(0.09996, 2) == "0.10" and number(0.9996) == "1.00"
 
 
 def picture():
     axes_values = np.array([1.0, 2.0, 4.0])
-    return curves.curves(axes_values, {"a": axes_values * 1e-3}, unit="m", name="error")
+    return alone(curves.curves, axes_values, {"a": axes_values * 1e-3}, unit="m", name="error")
 
 
 REPORT = Report(
@@ -260,42 +260,40 @@ def panel(curve):
                                np.full(COUNT, 1e-4), 1e-3 * np.sin(x) + NOISE, NOISE, curve, True)
 
 
-def alone(plot, *arrays):
-    return on_one_panel(partial(plot, *arrays, "m"))
+def alone(plot, *values, **options):
+    return on_one_panel(partial(plot, *values, **options))
 
 
 PLOTS = {
-    "error_per_pose": lambda: alone(error_per_pose, 2 * MAGNITUDE, MAGNITUDE, MASK),
+    "error_per_pose": lambda: alone(error_per_pose, 2 * MAGNITUDE, MAGNITUDE, MASK, "m"),
     "error_per_pose, none held out": lambda: alone(error_per_pose, MAGNITUDE, MAGNITUDE,
-                                                   np.zeros(COUNT, bool)),
-    "error_histogram": lambda: alone(error_histogram, 2 * MAGNITUDE, MAGNITUDE),
-    "error_histogram of zeros": lambda: alone(error_histogram, np.zeros(3), np.zeros(3)),
-    "forest": lambda: parameters.parameter_forest(NAMES, np.array([1e-3, 2e-3, 0.0]),
-                                                  np.array([0.0, 1e-3, -1e-3]),
-                                                  np.array([2e-3, 3e-3, 1e-3]), UNITS),
+                                                   np.zeros(COUNT, bool), "m"),
+    "error_histogram": lambda: alone(error_histogram, 2 * MAGNITUDE, MAGNITUDE, "m"),
+    "error_histogram of zeros": lambda: alone(error_histogram, np.zeros(3), np.zeros(3), "m"),
+    "forest": lambda: parameters.parameter_forest(
+        NAMES, np.array([1e-3, 2e-3, 0]), np.array([0, 1e-3, -1e-3]), np.array([2e-3, 3e-3, 1e-3]), UNITS),
     "effect_panels": lambda: effects.effect_panels([panel(curve=True), panel(curve=False),
                                                     panel(curve=True)]),
-    "contribution_bars": lambda: effects.contribution_bars(["backlash of axis 2", "payload"],
-                                                           np.array([1e-4, 3e-4]), 9e-5),
-    "singular_values": lambda: parameters.singular_values(np.array([3.0, 1.0, 0.0]), 2),
+    "contribution_bars": lambda: alone(effects.contribution_bars, ["backlash of axis 2", "payload"],
+                                       np.array([1e-4, 3e-4]), 9e-5),
+    "singular_values": lambda: alone(parameters.singular_values, np.array([3.0, 1.0, 0.0]), 2),
     "residual": lambda: residual.residual_over_signal(SIGNAL, NOISE, NOISE / 2, unit="m", name="residual",
                                                       signal_name="angle", signal_unit="rad"),
     "residual of few": lambda: residual.residual_over_signal(np.sign(SIGNAL), NOISE, NOISE, unit="m",
                                                              name="residual",
                                                              signal_name="direction"),
-    "spectrum": lambda: residual.spectrum(np.arange(COUNT), MAGNITUDE, MAGNITUDE / 2, unit="rad",
-                                          name="amplitude",
-                                          marks=[(3.0, "3"), (4.0, "4")]),
-    "curves": lambda: curves.curves(np.arange(COUNT) + 1.0, {"a": MAGNITUDE, "b": SIGNAL**2}, log_y=True),
+    "spectrum": lambda: alone(residual.spectrum, np.arange(COUNT), MAGNITUDE, MAGNITUDE / 2, unit="rad",
+                              name="amplitude", marks=[(3.0, "3"), (4.0, "4")]),
+    "curves": lambda: alone(curves.curves, 1.0 + np.arange(COUNT), {"a": MAGNITUDE, "b": SIGNAL**2},
+                            log_y=True),
     "curves_per_axis": lambda: curves.curves_per_axis(np.arange(9.0),
                                                       {"a": np.ones((9, 7)), "b": np.zeros((9, 7))},
                                                       unit="Nm", name="torque"),
     "spectra_per_axis": lambda: curves.curves_per_axis(
         np.arange(1.0, 9.0), {"nu = 1e-14": np.ones((8, 6)), "nu = 1e-6": np.full((8, 6), 1e-3)},
-        unit="rad/s²",
-        name="amplitude", x_name="frequency", x_unit="Hz", log_x=True, log_y=True),
+        unit="rad/s²", name="amplitude", x_name="frequency", x_unit="Hz", log_x=True, log_y=True),
     "poses_view": lambda: workspace.poses_view(RANDOM.random((COUNT, 3)), MASK),
-    "observability": lambda: design.observability_over_steps(np.arange(5.0), references={"random": 2.0}),
+    "observability": lambda: alone(design.observability_over_steps, np.arange(5.0), references={"all": 2.0}),
 }
 
 
@@ -354,11 +352,11 @@ def test_columns_that_are_compared_have_one_prefix():
 def test_nothing_is_called_before_where_nothing_changed():
     same, marked = np.array([1e-3, 2e-3, 3e-3]), np.array([False, True, True])
     legend = lambda figure: [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
-    assert legend(alone(error_per_pose, same, same, marked)) == ["fitted", "not fitted"]
-    assert legend(alone(error_per_pose, same, same, np.ones(3, bool))) == ["not fitted"]
-    changed = legend(alone(error_per_pose, 2.0 * same, same, marked))
+    assert legend(alone(error_per_pose, same, same, marked, "m")) == ["fitted", "not fitted"]
+    assert legend(alone(error_per_pose, same, same, np.ones(3, bool), "m")) == ["not fitted"]
+    changed = legend(alone(error_per_pose, 2.0 * same, same, marked, "m"))
     assert changed == ["before", "after, fitted", "after, not fitted"]
-    assert legend(alone(error_histogram, same, same)) == ["mean 2.00 mm"]
+    assert legend(alone(error_histogram, same, same, "m")) == ["mean 2.00 mm"]
 
 
 NASTY = 'a"><img src=x onerror=alert(1)>../$\\frac{'
@@ -370,7 +368,7 @@ def test_a_name_from_outside_is_text_and_nothing_else(tmp_path):
         return tmp_path / name
 
     def drawn():
-        return curves.curves(np.arange(3.0), {NASTY: np.arange(3.0)}, unit=NASTY, name=NASTY)
+        return alone(curves.curves, np.arange(3.0), {NASTY: np.arange(3.0)}, unit=NASTY, name=NASTY)
 
     figure = Figure(f"error_{NASTY}", NASTY, drawn, NASTY, NASTY)
     report = Report(NASTY, NASTY,

@@ -25,6 +25,8 @@ def test_rows_left_out_are_found_in_the_file(tmp_path):
     assert set(table.row[table.error_after.isna()]) == set(wrong + 1)
 
     result = diagnose(arm, ea.read(tmp_path / "poses.csv", arm), seed=1)
-    (causes,) = (section for section in report_of(arm, [result], "", []).sections
-                 if getattr(section, "heading", "") == "Causes found")
+    report = report_of(arm, [result], "", [])
+    (causes,) = (section for section in report.sections if getattr(section, "heading", "") == "Causes found")
     assert all(f"row {row + 1} of poses.csv" in causes.note for row in wrong)
+    drawn = {figure.name: figure.caption for figure in report.figures}
+    assert all("left out as outliers are not drawn" in drawn[name] for name in ("arm", "error_per_row"))

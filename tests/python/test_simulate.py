@@ -280,9 +280,9 @@ def test_gear_inverse_of_the_independent_plant():
 
 @pytest.mark.parametrize("text, expected", [
     ("blacklash joint=2", "unknown effect"), ("backlash width_rad=1", "joint=1 to joint=6"),
-    ("backlash joint=7 width_rad=1", "joint=1"),
-    ("backlash joint=2", "no width_rad"), ("backlash joint=2 width_rad=1e-4 depth=3", "unknown depth"),
-    ("payload mass_kg", "words like"), ("declared_friction joint=1", "unknown effect"),
+    ("backlash joint=7 width_rad=1", "joint=1"), ("backlash joint=2", "no width_rad"),
+    ("backlash joint=2 depth=3", "depth; expected width_rad"), ("payload mass_kg", "words like"),
+    ("backlash joint=2 widht_rad=1", "did you mean width"), ("declared_friction joint=1", "unknown effect"),
 ])  # fmt: skip
 def test_wrong_effects_are_refused(text, expected):
     with pytest.raises(InputError, match=expected):

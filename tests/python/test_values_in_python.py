@@ -5,6 +5,7 @@ import pickle
 
 import pandas as pd
 import pytest
+from matplotlib.figure import Figure
 
 import exactarm as ea
 from exactarm.errors import InputError
@@ -96,7 +97,9 @@ def test_corrected_programs_are_a_value(tmp_path):
     (tmp_path / "targets.csv").write_text(f"{header}\n5,-70,70,0,60,0\n")
     result = ea.compensate("ur10", tmp_path / "targets.csv")
     assert pickle.loads(pickle.dumps(result)) == result and result.figures
-    with pytest.raises(InputError, match="have several panels; expected no axes"):
+    axes = Figure().subplots()
+    assert result.plot(axes) is axes and axes.has_data()
+    with pytest.raises(InputError, match="ax is of the type object; expected matplotlib axes"):
         result.plot(object())
 
 

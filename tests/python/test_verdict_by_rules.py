@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from exactarm.commands.diagnose_report import _why
 from exactarm.diagnose.dossier import Dossier
 from exactarm.diagnose.motion_problem import MotionProblem
 from exactarm.diagnose.noise import NoiseFloor
@@ -32,3 +33,9 @@ def test_what_is_left_of_torques_is_their_share():
     problem = MotionProblem(six_axis(), data, data.select(np.zeros(0, int)))
     share = problem.share_of_measured(problem.fit(problem.declared()))
     assert 0.001 < share < 0.1  # noise of 1 %, and friction that turns over smoothly
+
+
+@pytest.mark.parametrize("rms, why", [(1.05, "leaves 5 % more error"), (1.01, "about as good on the others"),
+                                      (0.96, "it leaves 4 % less error on the others")])
+def test_why_a_runner_up_lost_is_what_its_error_says(rms, why):
+    assert why in _why(SimpleNamespace(collides=False, rms_after=rms), 1.0)

@@ -1,4 +1,4 @@
-"""An effect is worth its place only where it takes enough away from rows that it has not learnt from."""
+"""An effect is accepted only where it takes enough away from rows that it has not learnt from."""
 
 from types import SimpleNamespace
 

@@ -67,14 +67,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def calibrate(robot: AnyRobot, data: AnyData, *, use: Literal["auto", "position", "pose"] = "auto",
-              compliance: Sequence[int] | None = None, robust: bool | None = None, seed: int = DEFAULT_SEED,
-              threads: int | None = None, kind: str | None = None, fixture: AnyFixture = None,
-              sessions: str | Path | None = None, progress: Progress = SILENT) -> CommandResult:
+              compliance: Sequence[int] | str | None = None, robust: bool | None = None,
+              seed: int = DEFAULT_SEED, threads: int | None = None, kind: str | None = None,
+              fixture: AnyFixture = None, sessions: str | Path | None = None,
+              progress: Progress = SILENT) -> CommandResult:
     """Identifies geometry, joint offsets, gear ratios and joint springs from measured poses or closures.
 
     use: positions alone, or orientations too ("auto": what was measured). compliance: axes from 1 whose
-    spring is estimated (None: those under load). robust: Huber's loss
-    (None: where some rows are wild). threads: None is all cores.
+    spring is estimated, as (2, 3), or "none" (None: those under load). robust: Huber's loss (None: where some
+    rows are wild). threads: None is all cores.
 
         >>> import exactarm as ea
         >>> result = ea.calibrate("ur10", ea.example("ur10/series_B"), compliance=())
@@ -82,6 +83,7 @@ def calibrate(robot: AnyRobot, data: AnyData, *, use: Literal["auto", "position"
         True
     """
     require_choice("use", use, ("auto", "position", "pose"))
+    compliance = _axes(compliance) if isinstance(compliance, str) else compliance
     given = {"use": use, "compliance": compliance, "robust": robust, "sessions": sessions}
     declared = robot_of(robot)
     progress.plan(STEPS["calibrate"])
@@ -111,7 +113,7 @@ def calibrate(robot: AnyRobot, data: AnyData, *, use: Literal["auto", "position"
 
 def run(arguments: argparse.Namespace) -> CommandResult:
     return calibrate(
-        arguments.robot, arguments.files, use=arguments.use, compliance=_axes(arguments.compliance),
+        arguments.robot, arguments.files, use=arguments.use, compliance=arguments.compliance,
         robust=arguments.robust, seed=arguments.seed, threads=arguments.threads, kind=arguments.kind,
         fixture=arguments.fixture, sessions=arguments.sessions, progress=arguments.progress)
 

@@ -11,8 +11,11 @@ import argparse
 import difflib
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
+from numbers import Number
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
+
+import numpy as np
 
 from exactarm.commands.arguments import available_cores
 from exactarm.commands.outcome import Asked
@@ -31,6 +34,8 @@ from exactarm.robot_file import robot_of as robot_of
 
 AnyData = Dataset | str | Path | Sequence[str | Path]
 AnyFixture = Fixture | str | Path | None
+# names that say their unit, as the functions have them whose options are named one by one
+WITH_UNIT = {"rate_hz": "rate", "tool_m": "tool", "clearance_m": "clearance"}
 
 
 def data_of(data: AnyData, robot: Robot, kind: str | None = None, fixture: AnyFixture = None,
@@ -95,20 +100,52 @@ def arguments_of(add_arguments: Callable[[argparse.ArgumentParser], None], robot
                  files: Sequence[Any],
                  options: Mapping[str, Any], apart: Sequence[str] = ()) -> argparse.Namespace:
     """The arguments of a command that has many options, with their defaults; `apart`: those that its function
-    names."""
-    parser = argparse.ArgumentParser(add_help=False)
+    names. Values are read as the command line would read them: a number, a text, or several of them."""
+    parser = _Options(add_help=False)
     add_arguments(parser)
-    known = vars(parser.parse_args(["robot", *map(str, files)]))
-    free = [name for name in known if name not in ("robot", "files", *apart)]
-    for name in options:
+    free = {action.dest: action for action in parser._actions
+            if action.option_strings and action.dest not in apart}
+    words, objects = [], {}
+    for given, value in options.items():
+        name = WITH_UNIT.get(given, given)
         if name not in free:
-            close = difflib.get_close_matches(name, free, n=1)
-            raise InputError(f"no option {name!r}; expected "
+            close = difflib.get_close_matches(given, free, n=1)
+            raise InputError(f"no option {given!r}; expected "
                              f"{close[0] if close else 'one of ' + ', '.join(sorted(free))}")
-    for action in parser._actions:
-        if action.dest in options and action.choices is not None and options[action.dest] is not None:
-            require_choice(action.dest, options[action.dest], tuple(action.choices))
-    return argparse.Namespace(**(known | dict(options) | {"robot": robot}))
+        if value is None or not isinstance(value, (str, Path, Number, np.generic, np.ndarray, Sequence)):
+            objects[name] = value  # what a command line cannot hold: a fixture, a table of names
+            continue
+        if (choices := free[name].choices) is not None:
+            require_choice(name, value, tuple(choices))
+        words += _words(free[name], value)
+    known = vars(parser.parse_args(["robot", *map(str, files), *words]))
+    return argparse.Namespace(**(known | objects | {"robot": robot}))
+
+
+class _Options(argparse.ArgumentParser):
+    def error(self, message: str) -> NoReturn:
+        raise InputError(message)
+
+
+def _words(action: argparse.Action, value: Any) -> list[str]:
+    """An option with its value as the command line has it: [0.05, 0, 0.1] is 0.05,0,0.1; of an option that
+    may be given again, each text or each whole number is one."""
+    flag = action.option_strings[-1]
+    if action.nargs == 0:
+        require_choice(action.dest, value, (True, False))
+        return [flag] if value else []
+    several = isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, str)
+    if isinstance(action.nargs, int):
+        return [flag, *(_word_of(item) for item in (value if several else [value]))]
+    again = isinstance(action, argparse._AppendAction) and several
+    texts = again and (action.type is not None or not all(isinstance(item, Number) for item in value))
+    return [f"{flag}={_word_of(item)}" for item in (value if texts else [value])]
+
+
+def _word_of(value: Any) -> str:
+    if isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, str):
+        return ",".join(_word_of(item) for item in value)
+    return str(value)
 
 
 def _word(path: Any) -> str:

@@ -27,9 +27,10 @@ from exactarm.identify.statistics import summarise
 from exactarm.plan.inverse_kinematics import inverse_kinematics
 from exactarm.plan.optimal import PlanOptions, plan_path
 from exactarm.plan.path_file import PlannedPath, load_path
-from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
+from exactarm.report import Highlight, Highlights, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import quantity
 from exactarm.report.plots.curves import curves
+from exactarm.report.plots.style import HEIGHT_IN, figure_of_panel
 from exactarm.robot.controller_frames import at_flange
 from exactarm.robot.robot import Robot
 from exactarm.robot.writer import robot_text
@@ -189,14 +190,14 @@ def _report(robot: Robot, path: PlannedPath, played: list[Played], silent: str) 
         Table("Error of the flange in micrometres", header, rows,
               "Between knots the motors follow the quintic spline through the motor angles at the knots; "
               f"{BETWEEN - 1} instants between two knots." + agreement, len(rows) - 1),
-        Figure("compare", "Error along the path",
-               partial(curves, played[0].time,
-                              {_METHODS[m]: 1e6 * np.maximum(p.error, _LEAST_SHOWN_M)
-                               for m, p in first.items()},
-                              name="error of the flange [µm]", log_y=True),
-               "Distance of the flange from the path, at and between the knots; below 0.1 nm nothing is "
-               "shown.",
-               "error of the flange over time, logarithmic, for three ways to plan"),
+        figure_of_panel("compare", "Error along the path",
+                        partial(curves, played[0].time,
+                                {_METHODS[m]: 1e6 * np.maximum(p.error, _LEAST_SHOWN_M)
+                                 for m, p in first.items()},
+                                name="error of the flange [µm]", log_y=True), HEIGHT_IN,
+                        "Distance of the flange from the path, at and between the knots; below 0.1 nm "
+                        "nothing is shown.",
+                        "error of the flange over time, logarithmic, for three ways to plan"),
         Text("What is compared", (
             "The true robot deviates from the drawing in geometry and masses and moves behind its springs "
             "and gears. 'Identified' knows the true geometry and nothing else; exactarm's plan knows gears, "

@@ -13,6 +13,7 @@ from exactarm.identify.statistics import summarise
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import quantity, with_prefixes
 from exactarm.report.plots.compensation import shift_per_target, shift_view
+from exactarm.report.plots.style import figure_of_panel
 from exactarm.robot.robot import Robot
 
 FINEST_M = 1e-9  # the law ends at a tenth of it; what is left is rounding, not a distance
@@ -137,10 +138,11 @@ def _figures(corrections: Sequence[Correction]) -> tuple[Figure, ...]:
             "correction_view", "What moved", partial(shift_view, points[good], shifts[good]),
             "Targets (of the flange) in the base frame of the controller; arrows: how their commands moved.",
             "targets with arrows of their corrections, from above and from the side"),
-        Figure("correction_per_target", "By how much", partial(shift_per_target, sizes),
-               "Change of the commanded position of each target, in the order of the programs; of many "
-               "targets the smallest and the largest of each stretch.",
-               "size of the correction of each target"))
+        figure_of_panel(
+            "correction_per_target", "By how much", partial(shift_per_target, sizes), 2.8,
+            "Change of the commanded position of each target, in the order of the programs; of many "
+            "targets the smallest and the largest of each stretch.",
+            "size of the correction of each target"))
 
 
 def _largest_rows(corrections: Sequence[Correction], most: int = 12) -> Table:

@@ -14,7 +14,7 @@ from exactarm.commands.publish import Published
 from exactarm.commands.result import CommandResult
 from exactarm.errors import ComputationError, InputError
 from exactarm.files.examples import data_path
-from exactarm.report import Link, Quantity, Report, Section, Table, Text, Warnings
+from exactarm.report import Highlight, Highlights, Link, Quantity, Report, Section, Table, Text, Warnings
 from exactarm.report.numbers import quantities
 
 NAME = "demo"
@@ -101,27 +101,39 @@ def _errors(result: dict[str, Any]) -> tuple[float | None, float | None, str]:
     unit = result.get("unit") or ("m" if mean("after") is not None else "")
     if isinstance(result.get("error"), dict):
         return None, result["error"].get("mean"), unit or "m"
+    if "rounds" in result:  # of `loop`: as drawn, and at the end
+        return result["rounds"][0]["tracking"]["mean"], result["rounds"][-1]["tracking"]["mean"], "m"
+    if "deviation" in result:  # of `simulate --compare`, between the knots: the geometry alone, the plan
+        by = {each["method"]: each["between"]["mean"] for each in reversed(result["tracking"])}
+        return by["identified"], by["exactarm"], "m"
     return mean("before"), mean("after"), unit
 
 
 def _report(outcomes: list[Outcome], failed: list[Outcome]) -> Report:
     done = len(outcomes) - len(failed)
-    verdict = f"{done} of {len(outcomes)} steps done in {sum(outcome.seconds for outcome in outcomes):.0f} s"
-    verdict += (
-        "; every step has its own report." if not failed else f"; {len(failed)} failed, see the warnings.")
-    rows = []
-    for outcome in outcomes:
-        before, after, unit = _errors(outcome.published.json) if outcome.published else (None, None, "")
+    found = [(outcome, _errors(outcome.published.json)) for outcome in outcomes if outcome.published]
+    rows, headlines, left = [], [], []
+    for outcome, (before, after, unit) in found:
         rows.append((outcome.step.title, "measured" if outcome.step.real else "simulated",
                      *quantities([before, after], unit), Quantity(outcome.seconds, "s"),
-                     Link(f"{outcome.step.folder}/report.html", "report") if outcome.published else "failed"))
-    sections: list[Section] = [Table(
-        "Steps", ("", "data", "mean error before", "after", "time", "report"), tuple(rows),
-        "Errors are means over rows that were never fitted.")]
-    for outcome in outcomes:
-        if outcome.published is not None and outcome.step.picture:
+                     Link(f"{outcome.step.folder}/report.html", "report")))
+        if outcome.step.headline and before and after:
+            headlines.append(Highlight(outcome.step.headline, Quantity(after, unit), Quantity(before, unit)))
+            left += [100.0 * after / before] if outcome.step.real else []
+    rows += [(outcome.step.title, "failed", "", "", Quantity(outcome.seconds, "s"), "") for outcome in failed]
+    verdict = ("On real robots the mean error of measurements that were never fitted is now "
+               f"{min(left):.0f} to {max(left):.0f} % of what it was. " if len(left) > 1 else "")
+    verdict += f"{done} of {len(outcomes)} steps done" + (
+        f"; {len(failed)} failed, see the warnings." if failed else ".")
+    sections: list[Section] = [Highlights(tuple(headlines))] if headlines else []
+    for outcome, _ in found:
+        if outcome.step.picture:
             sections.append(Text(outcome.step.title, (outcome.published.report.verdict,)))
             sections += _picture(outcome)
+    sections.append(Table(
+        "All steps", ("step", "data", "mean error before", "after", "time", "report"),
+        tuple(rows), "Errors are means over rows that were never fitted; of a plan, of the flange along the "
+        "path: by inverse kinematics of the identified geometry, and by the plan."))
     sections.append(Warnings(tuple(f"{outcome.step.folder}: {outcome.failure}" for outcome in failed)))
     return Report("exactarm on shipped data", verdict, tuple(sections), "caution" if failed else "good")
 
@@ -131,4 +143,6 @@ def _picture(outcome: Outcome) -> list[Section]:
     figures = (
         {figure.name: figure for figure in outcome.published.report.figures} if outcome.published else {})
     chosen = figures.get(outcome.step.picture)
-    return [] if chosen is None else [replace(chosen, name=f"{outcome.step.folder}_{chosen.name}")]
+    if chosen is None:
+        return []
+    return [replace(chosen, name=f"{outcome.step.folder}_{chosen.name}", heading="")]

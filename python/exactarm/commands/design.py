@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -12,12 +11,13 @@ import numpy as np
 
 from exactarm.commands.arguments import add_robot
 from exactarm.commands.calibrate import dropped_table
-from exactarm.commands.call import AnyRobot, asked, robot_of, threads_of
+from exactarm.commands.call import AnyRobot, arguments_of, asked, robot_of, threads_of
 from exactarm.commands.closure_design import designed_closures, designed_pictures, designed_readings
 from exactarm.commands.design_for import designed_for, minutes_of, pose_columns
 from exactarm.commands.isolability_table import isolability_columns, isolability_json, isolability_table
 from exactarm.commands.output import PICTURES
 from exactarm.commands.planning_arguments import (
+    Numbers,
     add_planning,
     add_station,
     box_of,
@@ -47,8 +47,8 @@ from exactarm.progress import SILENT, Progress
 from exactarm.report import Figure, Quantity, Report, Section, Table, Text, Warnings
 from exactarm.report.numbers import number
 from exactarm.report.plots.design import observability_over_steps
+from exactarm.report.plots.style import figure_of_panel
 from exactarm.report.plots.workspace import poses_view
-from exactarm.robot.controller_frames import with_target
 from exactarm.robot.robot import Robot
 
 NAME = "design"
@@ -107,36 +107,45 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def design(robot: AnyRobot, *, count: int = 50, validation: int = 13,
-           tool_m: Sequence[float] | np.ndarray | None = None,
-           frames: str = "both", use: Literal["position", "pose"] = "position", box: Box | None = None,
-           clearance_m: float | None = None, station: Station | None = None, both_ways: bool = False,
-           program: str | None = None, noise_mm: float = NOISE_MM, seed: int = DEFAULT_SEED,
-           threads: int | None = None, progress: Progress = SILENT) -> CommandResult:
+           tool_m: Numbers | None = None,
+           frames: str = "both", use: Literal["position", "pose"] = "position",
+           box: Box | Numbers | None = None, clearance_m: float | None = None,
+           station: Station | Numbers | None = None, both_ways: bool = False, program: str | None = None,
+           noise_mm: float = NOISE_MM, seed: int = DEFAULT_SEED, threads: int | None = None,
+           progress: Progress = SILENT, **options: Any) -> CommandResult:
     """Measurement poses that show the parameters best, and others to validate with.
 
     tool_m: target on the flange. frames: which frames are unknown ("both", "base", "tool", "none"). box,
     clearance_m: where flange and target may be; station: of the tracker that has to see the target.
     both_ways: every pose twice, from below and from above. program: the language of a controller (krl, rapid,
     fanuc, urscript, inform). noise_mm: of a measured coordinate, for the table of causes that the poses could
-    tell.
+    tell. options: the others of `exactarm design --help` (diagnosis="result.json" is --for,
+    contact="socket", places=3, opening=(1, 0, 0), ...).
 
         >>> import exactarm as ea
         >>> len(ea.design("ur10", count=20, validation=5).to_dataframe())
         25
     """
     given = {"count": count, "validation": validation, "tool_m": tool_m, "frames": frames, "use": use}
+    defaults = {"validation": 13, "tool_m": None, "frames": "both", "use": "position"}
     arm = robot_of(robot)
-    if tool_m is not None:
-        arm = with_target(arm, np.asarray(tool_m, float))
+    if options:
+        named = given | {"box": box, "clearance": clearance_m, "station": station, "both_ways": both_ways,
+                         "program": program, "noise_mm": noise_mm}
+        arguments = arguments_of(add_arguments, arm, [], named | options)
+        vars(arguments).update(seed=seed, threads=threads_of(threads), progress=progress)
+        return run(arguments).asked_as(asked("design", robot, None, seed, given | options, defaults))
+    arm = with_tool(arm, tool_m)
     if count < 1 or validation < 0:
         raise InputError("--count: expected 1 or more, --validation: 0 or more")
-    options = DesignOptions(
-        count=count, validation=validation, box=box or Box(), clearance=clearance_of(clearance_m),
-        station=station, frames=frames, orientation=use == "pose", seed=seed, threads=threads_of(threads))
+    chosen = DesignOptions(
+        count=count, validation=validation, box=box_of(box), clearance=clearance_of(clearance_m),
+        station=station_of(station), frames=frames, orientation=use == "pose", seed=seed,
+        threads=threads_of(threads))
     if not 0.0 < noise_mm < 100.0:
         raise InputError("--noise-mm: expected between 0 and 100")
     progress.plan(STEPS["design"])
-    found = design_poses(arm, options, progress.stage)
+    found = design_poses(arm, chosen, progress.stage)
     progress.stage(CAUSES)
     causes = isolability(arm, Dataset.of_arrays(POSES.name, {"q": found.q}), 1e-3 * noise_mm, seed,
                          threads_of(threads))
@@ -145,7 +154,6 @@ def design(robot: AnyRobot, *, count: int = 50, validation: int = 13,
     if program is not None:
         stops = stops_of(q, approach, found.space.lower, found.space.upper)
         texts = dict([measuring_program(arm, program, stops)])
-    defaults = {"validation": 13, "tool_m": None, "frames": "both", "use": "position"}
     return CommandResult(json=_json(found) | {"isolability": isolability_json(causes)},
                          report=_report(arm, found, isolability_table(causes, noise_mm)),
                          tables={"poses.csv": {"set": sets} | pose_columns(arm, q, approach),
@@ -256,10 +264,10 @@ def _warnings(design: Design) -> tuple[str, ...]:
 
 def _history_figure(design: Design) -> Figure:
     references = {"after polishing": design.observability.O1}
-    return Figure("observability", "Observability over the exchange",
-                  partial(observability_over_steps, design.history, references=references),
-                  "O1 of the best set after each step: one pose added, one removed.",
-                  "O1 rising over the steps")
+    return figure_of_panel("observability", "Observability over the exchange",
+                           partial(observability_over_steps, design.history, references=references), 3.2,
+                           "O1 of the best set after each step: one pose added, one removed.",
+                           "O1 rising over the steps")
 
 
 def _pose_figure(design: Design) -> Figure:

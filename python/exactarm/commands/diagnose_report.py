@@ -33,6 +33,7 @@ from exactarm.robot.robot import Robot
 _LESS = 1.02  # of the error with the accepted causes: a rival below leaves no more than they do
 _MANY = 0.02  # of the rows left out: a tracker's wild rows are fewer
 _NEVER = 1e-16  # p-values below are all the same to a reader
+_NOT_DRAWN = " Rows left out as outliers are not drawn, before and after alike."
 
 
 def report_of(robot: Robot, results: list[Diagnosis], rule: str, skipped: list[str]) -> Report:
@@ -77,10 +78,9 @@ def verdict_of(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contr
              else f"the fitted {rows} (none were held out)")
     lacks = {finding.effect.label for finding in named}
     lacked = [pair for pair in found if pair[0].effect.label in lacks]
-    against = beside(refuted)
     text = (
-        f"The model lacked {causes_in_words(result, lacked, robot.axes)}. With this{against} in it the RMS "
-        f"error on {whose} {change(before, after, result.unit)}{_many_left_out(result, judged)}.")
+        f"The model lacked {causes_in_words(result, lacked, robot.axes)}. With this in it the RMS error on "
+        f"{whose} {change(before, after, result.unit)}{_many_left_out(result, judged)}.{beside(refuted)}")
     doubtful = [a for a in result.alternatives if a.collides]
     if doubtful:
         own = next((f.effect for f in result.findings if f.effect.label == doubtful[0].instead_of), None)
@@ -212,7 +212,7 @@ def _arm(result: Diagnosis) -> list[Figure]:
     return [Figure("arm", "Where in space",
                    partial(arm_with_errors, space.arm, space.position, space.before, space.after),
                    f"{space.which.capitalize()} poses in the robot's base frame; the arm stands at one of "
-                   "them.",
+                   f"them.{_NOT_DRAWN if _outliers(result) else ''}",
                    "the arm with an arrow for the error of every pose, before and after")]
 
 
@@ -237,13 +237,16 @@ def _why(rival, reached: float) -> str:
         return "cannot be told apart by these data"
     if rival.rms_after > _LESS * reached:
         return f"leaves {100.0 * (rival.rms_after / reached - 1.0):.0f} % more error"
-    return "less probable on the fitted rows, though about as good on the others"
+    less = 100.0 * (1.0 - rival.rms_after / reached)
+    others = f"it leaves {less:.0f} % less error" if less >= 0.5 else "about as good"
+    return f"less probable on the fitted rows, though {others} on the others"
 
 
 def _dossier_table(heading: str, dossier: Dossier) -> Table:
     rows = tuple(
         (str(f.signal), str(f.direction), f"{100 * f.share:.1f} %",
-         number(f.p_value, 2) if f.p_value > _NEVER else f"< {_NEVER:g}", "yes" if f.significant else "no")
+         number(f.p_value, 2) if f.p_value > _NEVER else f"< {number(_NEVER, 1)}",
+         "yes" if f.significant else "no")
         for f in dossier.follows[:8])
     note = (f"Share of the square sum explained by bins of the signal; p-values corrected for all tests. "
             f"Autocorrelation from row to row: {fixed(dossier.autocorrelation, 2)}.")
@@ -258,4 +261,5 @@ def _error_figures(result: Diagnosis, name: str, row: str) -> tuple:
     identification = np.concatenate([np.full(len(result.errors_before[s]), s == "identification")
                                      for s in sets])
     order = f" The fitted {row}s stand first." if len(sets) > 1 else ""
+    order += _NOT_DRAWN if _outliers(result) else ""
     return error_figures(before[used], after[used], identification[used], result.unit, name, row, order)

@@ -15,7 +15,8 @@ from exactarm.effects.base import Effect
 from exactarm.effects.order_source import likely_source
 from exactarm.report import Cell, Estimate, Figure, Quantity, Table
 from exactarm.report.numbers import quantities, quantity
-from exactarm.report.plots.effects import EffectPanel, contribution_bars, effect_panels
+from exactarm.report.plots.effects import ROW_IN, EffectPanel, contribution_bars, effect_panels
+from exactarm.report.plots.style import figure_of_panel
 from exactarm.robot.robot import Robot
 from exactarm.station import Station
 
@@ -275,6 +276,7 @@ def sizes_figure(result: Diagnosis, found: Sequence[tuple[Finding, Contribution 
     if len(told) < 2:
         return []
     labels, sizes = [label for label, _ in told], np.array([size for _, size in told])
-    return [Figure("contributions", "Which axis costs how much",
-                   partial(contribution_bars, labels, sizes, left if result.unit == "m" else None),
-                   _what_at_tool(result), "bars of the movement at the tool by cause")]
+    panel = partial(contribution_bars, labels, sizes, left if result.unit == "m" else None)
+    return [figure_of_panel("contributions", "Which cause moves the tool how far", panel,
+                            0.95 + 1.3 * ROW_IN * len(labels), _what_at_tool(result),
+                            "bars of the movement at the tool by cause")]

@@ -4,6 +4,7 @@ held-out runs."""
 from functools import partial
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from exactarm.commands.next_steps import ENOUGH_FALL, next_steps
 from exactarm.data.kinds import GEAR_RUN
@@ -12,6 +13,7 @@ from exactarm.identify.gear_declared import SIDES
 from exactarm.report import Estimate, Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import change, fixed, quantity
 from exactarm.report.plots.residual import residual_over_signal, spectrum
+from exactarm.report.plots.style import figure_of_panel
 from exactarm.robot.robot import Robot
 
 _LEVEL = 1.96
@@ -149,9 +151,10 @@ def _gear_sections(gear: Gear, error: str) -> tuple:
     angle = gear.samples.angle[shown] / e.scale
     before, after = gear.error_before[shown], gear.error_after[shown]
     stem = f"gear_{gear.joint}_{gear.side}"
-    figures = (Figure(f"{stem}_spectrum", f"Spectrum of the {error}, {title}", partial(_spectrum, gear),
-                      "Relative amplitude of the ratio over the order, before and after.",
-                      f"spectrum of gear {gear.joint}"),
+    figures = (figure_of_panel(f"{stem}_spectrum", f"Spectrum of the {error}, {title}",
+                               partial(_spectrum, gear), 3.3,
+                               "Relative amplitude of the ratio over the order, before and after.",
+                               f"spectrum of gear {gear.joint}"),
                Figure(f"{stem}_error", f"{error.capitalize()} over the angle, {title}",
                       partial(residual_over_signal, angle, before, after, unit=unit, name=error,
                               signal_name="angle of the output", signal_unit="rad"),
@@ -171,7 +174,7 @@ def _gear_sections(gear: Gear, error: str) -> tuple:
             Table(f"Harmonics, {title}", ("order per output revolution", "a", "b", "amplitude"), rows, note))
 
 
-def _spectrum(gear: Gear):
+def _spectrum(gear: Gear, axes: Axes) -> None:
     profile, table = gear.estimate.profiles[gear.side], gear.estimate.tables[gear.side]
     low = 2.0 / profile.range_rev
     high = max(1.3 * float(gear.table.order.max()), low + 10.0)
@@ -183,4 +186,4 @@ def _spectrum(gear: Gear):
     size = np.hypot(gear.table.a, gear.table.b)
     strongest = np.argsort(-size)[:_MOST_MARKS]
     marks = [(float(gear.table.order[k]), f"{gear.table.order[k]:.1f}") for k in sorted(strongest)]
-    return spectrum(orders, before, after, unit="", name="relative amplitude", marks=marks)
+    spectrum(orders, before, after, axes, unit="", name="relative amplitude", marks=marks)

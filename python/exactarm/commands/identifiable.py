@@ -57,6 +57,7 @@ from exactarm.progress import SILENT, Progress
 from exactarm.report import Cell, Figure, Quantity, Report, Section, Table, Text, Warnings
 from exactarm.report.numbers import number
 from exactarm.report.plots.parameters import singular_values
+from exactarm.report.plots.style import figure_of_panel
 from exactarm.robot.robot import Robot
 from exactarm.robot_file import load_robot
 
@@ -93,7 +94,8 @@ def identifiable(robot: AnyRobot, files: str | Path | Sequence[str | Path] = (),
                  threads: int | None = None, progress: Progress = SILENT, **options: Any) -> CommandResult:
     """Which parameters measured or planned poses can show, and how well; without files: random poses.
 
-    options: those of `exactarm identifiable --help` with their names (count=200, use="pose", ...).
+    options: those of `exactarm identifiable --help` with their names (count=200, use="pose", tool_m=[0.05, 0,
+    0.1], ...).
 
         >>> import exactarm as ea
         >>> found = ea.identifiable("ur10", count=60)
@@ -278,9 +280,9 @@ def _deviations(result: Identifiability) -> np.ndarray:
 
 
 def _figure(result: Identifiability) -> Figure:
-    return Figure(
+    return figure_of_panel(
         "singular_values", "Singular values",
-        partial(singular_values, result.singular_values, int(np.sum(result.singular_values > 1e-9))),
+        partial(singular_values, result.singular_values, int(np.sum(result.singular_values > 1e-9))), 3.0,
         "All columns of the stacked identification Jacobian, each scaled to unit length. Those that vanish "
         "count the combinations of parameters that move nothing.",
         "Singular values in falling order on a logarithmic scale")

@@ -27,9 +27,10 @@ from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.plan.optimal import PlanOptions, plan_path
 from exactarm.plan.path_file import PlannedPath, load_path
 from exactarm.plan.reference import Reference
-from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Table, Text
+from exactarm.report import Highlight, Highlights, Quantity, Report, Table, Text
 from exactarm.report.numbers import quantities, with_prefixes
 from exactarm.report.plots.curves import curves
+from exactarm.report.plots.style import HEIGHT_IN, figure_of_panel
 from exactarm.robot.controller_frames import base_in_device, target_on_flange
 from exactarm.robot.robot import Robot
 from exactarm.robot.writer import robot_text
@@ -188,10 +189,11 @@ def _report(robot: Robot, path: PlannedPath, rounds: list[_Round], diagnosis: Di
         Highlights(tuple(Highlight(r.name, Quantity(r.summary.rms, "m")) for r in rounds)),
         Table("Error of the target along the path", ("planned with the robot", "mean", "RMS", "maximum"),
               rows, "Executed on the true robot with its hidden cause; springs swing."),
-        Figure("tracking", "Error along the path",
-               partial(curves, time, {r.name: r.error for r in rounds}, unit="m", name="error of the target",
-                       log_y=True),
-               "Distance of the target from where it should be, round by round.", "tracking error over time"),
+        figure_of_panel("tracking", "Error along the path",
+                        partial(curves, time, {r.name: r.error for r in rounds}, unit="m",
+                                name="error of the target", log_y=True), HEIGHT_IN,
+                        "Distance of the target from where it should be, round by round.",
+                        "tracking error over time"),
         Text("What the diagnosis said", (diagnosis.sentence,)),
         Table("What was hidden, and what was found", ("", "effect", "in words"), (
             *((what, effect.title, with_prefixes(effect.describe_on(robot))) for what, effects in (

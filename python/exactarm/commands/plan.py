@@ -30,6 +30,7 @@ from exactarm.progress import SILENT, Progress
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Section, Table, Text, Warnings
 from exactarm.report.numbers import quantity
 from exactarm.report.plots.curves import curves, curves_per_axis
+from exactarm.report.plots.style import HEIGHT_IN, figure_of_panel
 from exactarm.robot.robot import Robot
 
 NAME = "plan"
@@ -212,10 +213,11 @@ def _figures(robot: Robot, plan: Plan) -> tuple[Figure, ...]:
     spectrum = np.abs(np.fft.rfft(plan.theta_ddot / robot.ratios, axis=0)) * 2.0 / len(plan.time)
     frequency = np.fft.rfftfreq(len(plan.time), plan.reference.step)
     return (
-        Figure("flange_error", "Error of the flange",
-               partial(curves, plan.time, {"error": plan.position_error}, unit="m", name="position error"),
-               "Distance of the flange from the path at the samples, on the planner's model.",
-               "flange error over time"),
+        figure_of_panel("flange_error", "Error of the flange",
+                        partial(curves, plan.time, {"error": plan.position_error}, unit="m",
+                                name="position error"), HEIGHT_IN,
+                        "Distance of the flange from the path at the samples, on the planner's model.",
+                        "flange error over time"),
         Figure("motor_rate", "Motor rates, output side",
                partial(curves_per_axis, plan.time,
                        {"motor": plan.theta_dot / robot.ratios, "link": plan.q_dot},

@@ -14,6 +14,9 @@ from exactarm.identify.planned import FRAMES, SIGMA_POSITION_M
 from exactarm.robot.controller_frames import with_target
 from exactarm.robot.robot import Robot
 
+ACCEPTANCE_DEG = float(np.degrees(ACCEPTANCE_RAD))
+Numbers = str | Sequence[float] | np.ndarray  # "0.05,0,0.1" on the command line
+
 
 def add_planning(parser: argparse.ArgumentParser) -> None:
     # "-0.5,1" is a value: argparse takes only a single negative number for one.
@@ -40,12 +43,15 @@ def add_station(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--opening", metavar="X,Y,Z",
                        help="direction to which the reflector opens, in the flange frame (default: to all "
                             "sides)")
-    group.add_argument("--acceptance", metavar="DEG", type=float, default=float(np.degrees(ACCEPTANCE_RAD)),
+    group.add_argument("--acceptance", metavar="DEG", type=float, default=ACCEPTANCE_DEG,
                        help="half-angle within which the reflector returns the beam (default %(default)g)")
 
 
-def station_of(position: str | None, opening: str | None, acceptance_deg: float) -> Station | None:
+def station_of(position: Numbers | Station | None, opening: str | None = None,
+               acceptance_deg: float = ACCEPTANCE_DEG) -> Station | None:
     """Where --station says; None without."""
+    if isinstance(position, Station):
+        return position
     if position is None:
         if opening is not None:
             raise InputError("--opening acts with --station X,Y,Z only")
@@ -63,18 +69,20 @@ def add_noise(parser: argparse.ArgumentParser) -> None:
                         help="standard deviation of a measured coordinate in m (default %(default)s)")
 
 
-def tool_of(text: str | None) -> np.ndarray | None:
+def tool_of(text: Numbers | None) -> np.ndarray | None:
     """(3,) m, where --tool says."""
     return None if text is None else numbers_of("--tool", text, 3)
 
 
-def with_tool(robot: Robot, text: str | None) -> Robot:
+def with_tool(robot: Robot, text: Numbers | None) -> Robot:
     """The robot with the target where --tool says."""
     tool = tool_of(text)
     return robot if tool is None else with_target(robot, tool)
 
 
-def box_of(text: str | None) -> Box:
+def box_of(text: Numbers | Box | None) -> Box:
+    if isinstance(text, Box):
+        return text
     if text is None:
         return Box()
     numbers = numbers_of("--box", text, 6)
@@ -106,10 +114,10 @@ def noise_of(value: float) -> float:
     return value
 
 
-def numbers_of(option: str, text: str, count: int) -> np.ndarray:
+def numbers_of(option: str, text: Numbers, count: int) -> np.ndarray:
     try:
-        numbers = np.array([float(part) for part in text.split(",")])
-    except ValueError:
+        numbers = np.array([float(part) for part in (text.split(",") if isinstance(text, str) else text)])
+    except (ValueError, TypeError):
         numbers = np.zeros(0)
     if len(numbers) != count or np.isnan(numbers).any():
         raise InputError(f"{option} {text}: expected {count} numbers in m, separated by commas")

@@ -165,6 +165,8 @@ class CommandResult(Outcome):
     def _figure(self, ax: Axes | None, what: str | None) -> Figure:
         if isinstance(ax, str):
             raise InputError(f"ax={ax!r}; expected matplotlib axes; a figure is named by what={ax!r}")
+        if ax is not None and not hasattr(ax, "plot"):
+            raise InputError(f"ax is of the type {type(ax).__name__}; expected matplotlib axes")
         drawn = {figure.name: figure for figure in self.report.figures}
         usable = [name for name, figure in drawn.items() if ax is None or figure.panel is not None]
         if what is None and usable:

@@ -121,23 +121,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def simulate(robot: AnyRobot, file: str | Path | None = None, *, measure: str | None = None,
-             effects: Sequence[str] = (), seed: int = DEFAULT_SEED, threads: int | None = None,
+             effects: str | Sequence[str] = (), seed: int = DEFAULT_SEED, threads: int | None = None,
              progress: Progress = SILENT, **options: Any) -> CommandResult:
     """Plays a trajectory or measures poses, gears and motions on a virtual robot; `result.data` are the
     measured rows.
 
     file: trajectory.csv to play or poses.csv to measure. effects: hidden causes in words. options: those of
-    `exactarm simulate --help` with their names (deviation=1, count=80, noise=2e-5, counts=0, ...).
+    `exactarm simulate --help` with their names (deviation=1, count=80, noise=2e-5, counts=0, rate_hz=250,
+    compare="line", ...).
 
         >>> import exactarm as ea
         >>> made = ea.simulate("ur10", count=30, effects=["base_compliance rad_per_Nm=1e-6"])
         >>> len(made.data), made.data.kind
         (30, 'poses')
     """
-    given = {"measure": measure, "effect": list(effects), "seed": seed, "threads": threads_of(threads),
+    hidden = [effects] if isinstance(effects, str) else list(effects)
+    given = {"measure": measure, "effect": hidden, "seed": seed, "threads": threads_of(threads),
              "progress": progress}
     arguments = arguments_of(add_arguments, robot_of(robot), [] if file is None else [file], options,
-                             apart=("measure", "effect", "compare"))
+                             apart=("measure", "effect"))
     vars(arguments).update(given)
     made = run(arguments)
     read = sources([file] if file is not None else [])

@@ -59,7 +59,7 @@ def study(robot: AnyRobot, paths: str | Path | Sequence[str | Path], *, seed: in
     """Plans with several weights of the input: accuracy against bandwidth. Nothing in it is random: `seed` is
     recorded.
 
-    paths: path files (.toml), or line, spiral. options: nu="1e-14,1e-10", rate=250.0.
+    paths: path files (.toml), or line, spiral. options: nu=[1e-14, 1e-10], rate_hz=250.
     """
     named = [str(path) for path in ([paths] if isinstance(paths, (str, Path)) else paths)]
     arguments = arguments_of(add_arguments, robot_of(robot), named, options, apart=("paths",))

@@ -56,6 +56,7 @@ TILT = ("tilt_x", "tilt_y")
 ACCEL = ("accel_x", "accel_y", "accel_z")
 # covariates that are a load too
 PAYLOAD, PAYLOAD_CENTRE = "payload_kg", ("payload_x_m", "payload_y_m", "payload_z_m")
+_MARKS = ("session", "visit", "run", "set")
 SCALAR_UNITS = (dict.fromkeys(POSITION, LENGTH)
                 | dict.fromkeys(QUATERNION, NO_UNIT)
                 | dict.fromkeys(ROTATION_VECTOR, ANGLE)
@@ -64,7 +65,7 @@ SCALAR_UNITS = (dict.fromkeys(POSITION, LENGTH)
                 | dict.fromkeys(ACCEL, ACCELERATION)
                 | dict.fromkeys(PIXEL, PIXELS)
                 | {"time": TIME}
-                | dict.fromkeys(("session", "visit", "run", "set"), NO_UNIT))
+                | dict.fromkeys(_MARKS, NO_UNIT))
 
 # Beyond these no arm, drive or device measures anything, whatever its unit was meant to be (SI units).
 MOST = {
@@ -75,6 +76,7 @@ MOST |= dict.fromkeys(POSITION, 1e6) | dict.fromkeys(ROTATION_VECTOR, 1e3) | dic
 MOST |= {PAYLOAD: 1e4} | dict.fromkeys(PAYLOAD_CENTRE, 1e2)
 
 _ALMOST = 0.75  # share of matching letters: one wrong or swapped letter of five, not another word
+_ALMOST_A_MARK = 0.86  # "sesion", "visits", "paylod_kg", "Session"; "mission" (0.857) is another word
 _JOINT_NAMES = "|".join(sorted(JOINT_UNITS, key=len, reverse=True))
 _ALL_UNITS = {unit for units in (*JOINT_UNITS.values(), *PRISMATIC_UNITS.values()) for unit in units} - {""}
 _INDEXED = re.compile(rf"({_JOINT_NAMES})_(\d+)(?:_(.*))?")
@@ -144,8 +146,11 @@ def parse_column(name: str, file: str, prismatic: frozenset[int] = frozenset()) 
         quantity, unit = match[1], match[2] or ""
         return Column(quantity, None, name, _factor(quantity, unit, SCALAR_UNITS[quantity], file, name))
     _check_load_or_temperature(name, file)
-    if meant := _misspelt(name):
-        raise InputError(f"is no quantity of a joint; did you mean {meant}?", file=file, column=name)
+    if joint := _misspelt(name):
+        raise InputError(f"is no quantity of a joint; did you mean {joint}?", file=file, column=name)
+    meant = difflib.get_close_matches(name.lower(), (*_MARKS, PAYLOAD), n=1, cutoff=_ALMOST_A_MARK)
+    if meant and name != PAYLOAD and name.isidentifier():
+        raise InputError(f"would not be read; did you mean {meant[0]}?", file=file, column=name)
     return Column("covariate", None, name)
 
 

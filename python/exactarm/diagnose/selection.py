@@ -136,8 +136,8 @@ def _evidence(problem: Problem, fitted: Fitted, candidate: Candidate) -> float:
 
 
 def _worthy_form(problem, fitted, candidate: Candidate, parted) -> Candidate | None:
-    """The candidate, or another form of the same cause where it is not worth its place (a curve that wraps
-    around single poses hides the one order that is there); None where no form is."""
+    """The candidate, or another form of the same cause where cross-validation does not support it (a curve
+    that wraps around single poses hides the one order that is there); None where no form is."""
     if is_worth(problem, fitted, [candidate.effect], parted):
         return candidate
     if not candidate.effect.family:
@@ -152,7 +152,7 @@ def _worthy_form(problem, fitted, candidate: Candidate, parted) -> Candidate | N
 
 
 def _best_pair(problem, declared, chosen, fitted, shortlist: list[Candidate], parted):
-    """Two candidates that hide each other, or are parts of one wave: neither is worth its place alone, both
+    """Two candidates that hide each other, or are parts of one wave: neither is supported alone, both
     together are; else None."""
     count, pairs = count_of(problem, fitted), []
     linear = [c for c in shortlist if not c.effect.excludes_rows()][:PAIRED]

@@ -136,9 +136,9 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
         falls = (f"{'falls' if fall > 0.0 else 'rises'} by {100 * abs(fall):.0f} %"
                  if abs(fall) >= _NO_CHANGE else "does not change")
         lacks = "The model lacks" if named else "The fitted rows ask for"
-        against = beside(refuted) if named else ""
         found = _listed(named or [f.effect.title for f in refuted])
-        text = f"{lacks} {found}; with {it}{against} the {judged} RMS error {falls}."
+        text = f"{lacks} {found}; with {it} the {judged} RMS error {falls}."
+        text += beside(refuted) if named else ""
         doubtful = [a for a in alternatives if a.collides]
         if doubtful:
             a = doubtful[0]
@@ -159,8 +159,8 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
                 f"{remains(left, excess, unknown)}.")
     if left.structure:
         like = ", as noise does that neighbouring rows share" if left.strongest.signal.of_time else ""
-        return (f"No effect of the library earns its place: the residual follows the {left.strongest.signal} "
-                f"beyond chance, with {100 * left.strongest.share:.0f} % of its square sum{like}.")
+        return (f"The data support no effect of the library: the residual follows the {left.strongest.signal}"
+                f" beyond chance, with {100 * left.strongest.share:.0f} % of its square sum{like}.")
     return "Nothing is missing: the residual of the declared model cannot be told from noise."
 
 
@@ -172,11 +172,12 @@ def stood_and_refuted(findings) -> tuple[list, list]:
 
 
 def beside(refuted) -> str:
-    """Of findings that do not stand but are in the model, in a sentence on what the others do."""
+    """Of findings that do not stand but are in the model, after the sentence on what the others do."""
     worse = [finding.effect.title for finding in refuted if finding.likelier]
     against = [finding.effect.title for finding in refuted if not finding.likelier]
-    text = f" and {_listed(against)}, against which rows that were not fitted speak," if against else ""
-    return text + (f" and {_listed(worse)}, beside which something else is likelier," if worse else "")
+    said = [*([f"{_listed(against)}, which rows that were not fitted contradict"] if against else []),
+            *([f"{_listed(worse)}, where something else is likelier"] if worse else [])]
+    return f" The model also holds {'; and '.join(said)}." if said else ""
 
 
 def _listed(titles: list[str]) -> str:

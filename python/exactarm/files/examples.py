@@ -26,12 +26,19 @@ def data_path(name: str = "") -> Path:
     if not path.exists():
         files = sorted(str(file.relative_to(EXAMPLES)) for file in EXAMPLES.rglob("*")
                        if file.suffix in (".csv", ".parquet"))
-        raise InputError(f"no shipped data named {name!r}; expected one of {', '.join(files)}")
+        close = meant_example(name)
+        expected = f"did you mean {close}?" if close else f"expected one of {', '.join(files)}"
+        raise InputError(f"no shipped data named {name!r}; {expected}")
     return path
 
 
 def example(name: str = "") -> Path:
-    """As `data_path`; a file may be named without its ending: "ur10/series_B"."""
+    """Path of shipped data: a folder ("ur10"), or a file with or without its ending ("ur10/series_B").
+
+        >>> import exactarm as ea
+        >>> ea.example("ur10/series_B").name
+        'series_B.csv'
+    """
     found = sorted(EXAMPLES.glob(f"{name}.*")) if name and not (EXAMPLES / name).exists() else []
     return found[0] if len(found) == 1 else data_path(name)
 

@@ -1,4 +1,4 @@
-"""Kinematic calibration from measured poses (thesis 3.2.3, (3.12)), with the frames found from nowhere.
+"""Kinematic calibration from measured poses (thesis 3.2.3, (3.12)), frames without starting values.
 
 1. frames of every session, 2. which parameters the poses can identify, 3. weighted non-linear least squares
 of frames, modified DH parameters, joint offsets, gear ratios and joint compliance, 4. intervals, 5. the error

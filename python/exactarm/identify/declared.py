@@ -94,7 +94,7 @@ def _was_estimated(robot: Robot, effect: Effect, parameter: Parameter) -> bool:
 
 def frames_layout(robot: Robot, data: Dataset, *, orientation: bool,
                   seed: int = DEFAULT_SEED) -> tuple[Layout, list]:
-    """Base and tool frames of every session, found from nowhere; and what was found, session by session."""
+    """Base and tool frames of every session, without starting values; and what was found, by session."""
     found = []
     for session in sorted(set(data.session.tolist())):
         found.append((session, find_frames(robot, data.select(data.session == session),

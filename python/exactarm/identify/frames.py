@@ -1,4 +1,4 @@
-"""Base and tool frames from nowhere: no initial guess is asked of the user.
+"""Base and tool frames need no starting values: the user gives no initial guess.
 
     p_measured = p_base + R_base (p_flange(q) + R_flange(q) p_tool)
 

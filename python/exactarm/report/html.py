@@ -69,7 +69,9 @@ def _table(table: Table) -> dict:
     header, columns, numeric = columns_of(table)
     rows = [[_link(cell) if isinstance(cell, Link) else text for cell, text in zip(cells, texts)]
             for cells, texts in zip(table.rows, zip(*columns))]
-    short = [max(map(len, column), default=0) <= SHORT_CELL for column in columns]
+    read = zip(*([cell.text if isinstance(cell, Link) else text for cell, text in zip(cells, texts)]
+                 for cells, texts in zip(table.rows, zip(*columns))))
+    short = [max(map(len, column)) <= SHORT_CELL for column in read]
     return {"section": table, "header": header, "rows": rows, "numeric": numeric, "short": short,
             "wide": len(header) >= WIDE_TABLE, "stack": len(header) >= STACKED_TABLE}
 

@@ -66,10 +66,11 @@ def choose_scale(values: Sequence[float], unit: str) -> Scale:
 
 
 def decimals_for(value: float, digits: int = SIGNIFICANT_DIGITS) -> int:
-    """Decimals that show `digits` significant digits of `value`."""
+    """Decimals that show `digits` significant digits of `value`, as it is rounded: 0.0996 is 0.10."""
     if value == 0.0 or not math.isfinite(value):
         return 0
-    return min(max(digits - 1 - math.floor(math.log10(abs(value))), 0), MOST_DECIMALS)
+    exponent = int(f"{value:.{digits - 1}e}".split("e")[1])
+    return min(max(digits - 1 - exponent, 0), MOST_DECIMALS)
 
 
 def fixed(value: float, decimals: int) -> str:

@@ -65,7 +65,11 @@ def highlight_texts(section: Highlights) -> list[tuple[str, str, str | None]]:
             texts.append((item.label, format_cells([item.value], beside=alike)[0], None))
             continue
         alike = [cell for cell in changed if cell.unit == item.value.unit]
-        value, before = format_cells([item.value, item.before], beside=alike)
+        if read_beside(item.value, alike):
+            value, before = format_cells([item.value, item.before], beside=alike)
+        else:  # nanometres after millimetres
+            value, before = (format_cells([cell], beside=read_beside(cell, alike))[0]
+                             for cell in (item.value, item.before))
         texts.append((item.label, value, before))
     return texts
 

@@ -145,8 +145,10 @@ def _built(cls: type[Effect], table: dict) -> Effect:
     missing = [name for name in filled if name not in parameters or not parameters[name].fixed]
     unknown = set(table) - set(parameters) - set(effect.to_table())
     if missing or unknown:
-        wrong = f"no {missing[0]}" if missing else f"unknown {sorted(unknown)[0]}"
-        raise InputError(f"--effect {cls.name}: {wrong}; expected {', '.join(parameters)}")
+        wrong = f"unknown {min(unknown)}" if unknown else f"no {missing[0]}"
+        close = difflib.get_close_matches(min(unknown), parameters, n=1) if unknown else []
+        meant = f"did you mean {close[0]}?" if close else f"expected {', '.join(parameters)}"
+        raise InputError(f"--effect {cls.name}: {wrong}; {meant}")
     return effect
 
 

@@ -13,6 +13,7 @@ carry a time as well, so beside x, y, z steps count as a time series only up to 
 that only static poses have (`visit`, `approach`).
 """
 
+import re
 from difflib import get_close_matches
 from enum import Enum
 from typing import ClassVar
@@ -164,7 +165,9 @@ def check_joints(data: Rows, robot: Robot) -> None:
 
 def _meant(data: Rows, own: str) -> str:
     """A column of the file that may be the missing one by another name, in the unit that this name has."""
-    close = get_close_matches(own, data.covariates, n=1)
+    axis = own.split("_")[1]
+    close = (get_close_matches(own, data.covariates, n=1)
+             or [name for name in data.covariates if re.search(rf"(?<!\d){axis}(?!\d)", name)])
     if not close:
         return ""
     stem, _, unit = own.rpartition("_")

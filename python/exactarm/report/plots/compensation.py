@@ -2,6 +2,7 @@
 correction."""
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from exactarm.report.plots import style
@@ -39,10 +40,8 @@ def shift_view(points: np.ndarray, shifts: np.ndarray) -> Figure:
     return figure
 
 
-def shift_per_target(sizes: np.ndarray) -> Figure:
+def shift_per_target(sizes: np.ndarray, axes: Axes) -> None:
     """Size (N,) m of the correction of each target in the order of the programs; NaN: not corrected."""
-    figure = style.new_figure(2.8)
-    axes = figure.subplots()
     size, unit = style.scaled(np.nan_to_num(sizes), "m")
     number, left = np.arange(1, len(sizes) + 1), np.isnan(sizes)
     x, y = envelope(number[~left], sizes[~left] / size)
@@ -55,4 +54,3 @@ def shift_per_target(sizes: np.ndarray) -> Figure:
     axes.set(xlabel="target", ylabel=style.label_with("correction", unit))
     axes.xaxis.get_major_locator().set_params(integer=True)
     style.from_zero(axes, sizes / size)
-    return figure

@@ -3,26 +3,24 @@
 from collections.abc import Mapping
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from exactarm.report.plots.style import CYCLE, label_with, legend_above, new_figure, panel_per_axis, scaled
+from exactarm.report.plots.style import CYCLE, label_with, legend_above, panel_per_axis, scaled
 
 MOST_POINTS = 2000
 LEAST_RANGE = 1e-3  # of the largest value of all axes: an axis that stands still is drawn so
 
 
-def curves(time: np.ndarray, traces: Mapping[str, np.ndarray], *, unit: str = "", name: str = "",
-           log_y: bool = False) -> Figure:
+def curves(time: np.ndarray, traces: Mapping[str, np.ndarray], axes: Axes, *, unit: str = "", name: str = "",
+           log_y: bool = False) -> None:
     """Traces label -> (N,) over one time (N,) s; long ones are thinned to their envelope."""
     size, shown = scaled(np.concatenate([np.ravel(trace) for trace in traces.values()]), unit)
-    figure = new_figure(3.4)
-    axes = figure.subplots()
     for label, trace in traces.items():
         axes.plot(*envelope(time, np.asarray(trace) / size), label=label)
     axes.set(xlabel="time [s]", ylabel=label_with(name, shown), yscale="log" if log_y else "linear")
     axes.margins(x=0.01)
     legend_above(axes)
-    return figure
 
 
 def curves_per_axis(x: np.ndarray, traces: Mapping[str, np.ndarray], *, unit: str, name: str,

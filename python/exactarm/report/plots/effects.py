@@ -140,10 +140,8 @@ def _curve(axes: Axes, panel: EffectPanel, x: np.ndarray, size: float) -> None:
                   label="effect" if place == 0 else None)
 
 
-def contribution_bars(labels: Sequence[str], sizes_m: np.ndarray, left_m: float | None) -> Figure:
+def contribution_bars(labels: Sequence[str], sizes_m: np.ndarray, left_m: float | None, axes: Axes) -> None:
     """What each effect does at the tool (k,) m, in micrometres, as ordered; a line for what is left."""
-    figure = style.new_figure(0.95 + 1.3 * ROW_IN * len(labels))
-    axes = figure.subplots()
     rows, sizes = np.arange(len(labels))[::-1], 1e6 * np.asarray(sizes_m)
     axes.barh(rows, sizes, height=0.68, color=style.AFTER)
     for row, value in zip(rows, sizes):
@@ -152,9 +150,8 @@ def contribution_bars(labels: Sequence[str], sizes_m: np.ndarray, left_m: float 
     if left_m is not None:
         axes.axvline(1e6 * left_m, color=style.VALIDATION, linestyle="--",
                      label="left with all of them (held-out RMS)")
-        figure.legend(loc="outside upper right")
+        style.legend_above(axes, "right")
     axes.set_yticks(rows, labels)
     axes.set(xlabel="median movement of the target [µm]", ylim=(-0.6, len(labels) - 0.4))
     axes.set_xlim(0.0, 1.1 * max(float(np.max(sizes)), 1e6 * (left_m or 0.0)))
     axes.grid(axis="y", visible=False)
-    return figure

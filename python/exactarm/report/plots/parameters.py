@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from exactarm.report.plots import style
@@ -44,10 +45,8 @@ def _forest_panel(axes, labels, values, low, high, unit) -> None:
     axes.grid(axis="y", visible=False)
 
 
-def singular_values(values: np.ndarray, rank: int) -> Figure:
+def singular_values(values: np.ndarray, rank: int, axes: Axes) -> None:
     """Singular values (k,) in falling order; those beyond `rank` cannot be identified."""
-    figure = style.new_figure(3.0)
-    axes = figure.subplots()
     number = np.arange(1, len(values) + 1)
     floor = np.finfo(float).eps * float(values[0]) if len(values) else 1.0
     drawn = np.maximum(values, floor)
@@ -58,4 +57,3 @@ def singular_values(values: np.ndarray, rank: int) -> Figure:
     axes.axvline(rank + 0.5, color=style.BEFORE, linestyle="--", linewidth=1.0)
     axes.set(xlabel="number", ylabel="singular value (scaled columns)", xlim=(0, len(values) + 1))
     style.legend_above(axes)
-    return figure

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from exactarm.report.numbers import number
@@ -51,12 +52,10 @@ def binned_mean(signal: np.ndarray, values: np.ndarray,
     return centre, mean, half
 
 
-def spectrum(order: np.ndarray, before: np.ndarray, after: np.ndarray, *, unit: str, name: str,
-             marks: Sequence[tuple[float, str]] = ()) -> Figure:
+def spectrum(order: np.ndarray, before: np.ndarray, after: np.ndarray, axes: Axes, *, unit: str, name: str,
+             marks: Sequence[tuple[float, str]] = ()) -> None:
     """Amplitudes (N,) over orders (N,) per output revolution; `marks` name peaks."""
     size, shown = style.scaled(before, unit, after)
-    figure = style.new_figure(3.3)
-    axes = figure.subplots()
     axes.plot(order, before / size, color=style.BEFORE, linewidth=1.2, label="before")
     axes.plot(order, after / size, color=style.AFTER, linewidth=1.2, label="after")
     top = float(np.nanmax(before)) / size if len(before) else 1.0
@@ -70,7 +69,6 @@ def spectrum(order: np.ndarray, before: np.ndarray, after: np.ndarray, *, unit: 
     if len(order):
         axes.set_xlim(float(order[0]), float(order[-1]))
     style.legend_above(axes)
-    return figure
 
 
 def _spread(marks: Sequence[tuple[float, str]], gap: float) -> list[tuple[tuple[float, float], str]]:

@@ -131,7 +131,15 @@ class _Decades(LogFormatterSciNotation):
         return f"{head}{sign}10{exponent.translate(_RAISED)}".replace("-", "−")
 
 
+class _Plain(_Decades):
+    """The same labels as 0.2 and 30."""
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        return f"{x:g}" if super().__call__(x, pos) else ""
+
+
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_PLAIN = (1e-2, 1e4)  # an axis within these needs no powers of ten
 
 
 def readable_decades(panels: Sequence[Axes]) -> None:
@@ -139,8 +147,10 @@ def readable_decades(panels: Sequence[Axes]) -> None:
     for axes in panels:
         for axis in (axes.xaxis, axes.yaxis):
             if axis.get_scale() == "log" and type(axis.get_major_formatter()) is LogFormatterSciNotation:
-                axis.set_major_formatter(_Decades())
-                axis.set_minor_formatter(_Decades(labelOnlyBase=False))
+                low, high = axis.get_view_interval()
+                labels = _Plain if _PLAIN[0] <= low and high <= _PLAIN[1] else _Decades
+                axis.set_major_formatter(labels())
+                axis.set_minor_formatter(labels(labelOnlyBase=False))
 
 
 def write_picture(picture: Figure, vector: Path, raster: Path) -> None:
