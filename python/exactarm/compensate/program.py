@@ -221,7 +221,9 @@ class SourceText:
 
     @cached_property
     def _starts(self) -> list[int]:
-        return [0, *(match.end() for match in re.finditer(r"[\r\n](?:(?<=\r)\n)?", self.text))]
+        letters = np.frombuffer(self.content + b" ", np.uint8)
+        ends = (letters == 10) | (letters == 13) & (np.append(letters[1:], 0) != 10)
+        return [0, *(np.flatnonzero(ends) + 1).tolist()]
 
     @cached_property
     def _marks(self) -> tuple[np.ndarray, np.ndarray]:
@@ -312,12 +314,13 @@ def _write(sources: Sequence[SourceText], targets: Sequence[Target], values: np.
     for file in np.unique(files).tolist():
         rows = np.flatnonzero(files == file)
         own = [targets[row] for row in rows.tolist()]
-        places = list(chain.from_iterable(target.places[:count] for target in own))
+        flat = chain.from_iterable(chain.from_iterable(target.places[:count] for target in own))
+        places = np.fromiter(flat, int).reshape(-1, 2)
         digits = np.fromiter(chain.from_iterable(target.digits for target in own), int)
         new = values[rows].ravel()
-        texts = sources[file].numbers(np.array(places), digits, new) if digits.size else [
+        texts = sources[file].numbers(places, digits, new) if digits.size else [
             b"%d" % value for value in new.tolist()]
-        edits += map(_EDIT, zip(repeat(file), map(itemgetter(0), places), map(itemgetter(1), places), texts))
+        edits += map(_EDIT, zip(repeat(file), *places.T.tolist(), texts))
         written[rows] = np.fromiter(map(float, texts), float).reshape(-1, count)
     return written
 
