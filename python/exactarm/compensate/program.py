@@ -29,6 +29,7 @@ from exactarm.robot.robot import Placement
 NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _NUMBER = re.compile(rf"\s*({NUMBER})\s*")
 MOST_LISTED = 16  # numbers with commas between that are read at once
+MOST_SHOWN = 40  # letters of a formula, in a message
 LARGEST = (
     1e6  # no program has a length in mm or an angle in degrees beyond it; 9E9 marks an axis that is not there
 )
@@ -77,6 +78,11 @@ class Target(NamedTuple):
     matches: Callable[[np.ndarray], bool] | None = None
     configuration: str = ""
     refusal: str = ""
+
+    @staticmethod
+    def unread(name: str, file: int, line: int, why: str) -> Target:
+        """Of a motion whose place stands nowhere in numbers of its own: an offset, a register, a formula."""
+        return Target(" ".join(name.split())[:MOST_SHOWN], file, line, (), is_pose=True, refusal=why)
 
     @property
     def tip_known(self) -> bool:

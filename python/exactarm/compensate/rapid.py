@@ -246,9 +246,9 @@ class _Reader(Frames):
         name, file = "", index
         if literal is None:
             if not re.fullmatch(r"\w+", word):
-                raise source.refuse(
-                    place, f"the target {word[:40]!r} is computed; expected a name or numbers"
-                )
+                self.targets.append(Target.unread(
+                    word, index, source.line(place), "the target is computed; expected a name or numbers"))
+                return len(self.targets) - 1
             datum = self.datum(index, word, place, ("jointtarget",) if axes else ("robtarget",))
             name, literal, file = word, datum.literal, datum.file
         line = self.sources[file].line(literal.start)
