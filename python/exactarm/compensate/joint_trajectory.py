@@ -3,9 +3,9 @@
 
 The points follow each other in time: at a reversal one gear table passes into the other as chain/direction.py
 says. Which name is which axis: [controller] joint_names of the robot file (a URDF has them), names that end
-in the number of the axis, or those of Universal Robots. Names beside them keep their positions. Positions are corrected; velocities, accelerations
-and efforts stay (they change by about a thousandth). Joint states that come back must be turned back too
-(`actual_of`), or planners find the start of the next motion off.
+in the number of the axis, or those of Universal Robots. Names beside them keep their positions. Positions are
+corrected; velocities, accelerations and efforts stay (they change by about a thousandth). Joint states that
+come back must be turned back too (`actual_of`), or planners find the start of the next motion off.
 """
 
 from __future__ import annotations
