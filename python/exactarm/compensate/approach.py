@@ -83,8 +83,8 @@ class Approaches:
         if self.rows.size:
             self.straight(np.nan_to_num(q))
             arrival[self.rows] = self.arrival
-        lost = np.isnan(q).any(axis=1)
-        blind = self.known & (lost[self.target] | lost[self.before])  # from or to where nobody knows
+        lost = np.append(np.isnan(q).any(axis=1), True)  # place -1: no target
+        blind = self.known & (lost[self.target] | lost[self.before])
         arrival[blind] = 0.0
         return _kept(np.nan_to_num(arrival), self.motions, blind) * self.sense
 
