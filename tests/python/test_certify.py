@@ -123,9 +123,10 @@ def test_accuracy_repeatability_directions_drift_and_distances_of_known_errors()
     np.testing.assert_allclose(still, [1e-3, 3e-3], atol=1e-5)
     assert found.directions[0] == pytest.approx(2e-3, abs=2e-5) and found.directions[1] == 0.0
     assert found.directions[2] == 2
-    first, last = 2e-3 * 1.5 / 39.0, 2e-3 * 37.5 / 39.0  # along y, mean of the first and last of ten blocks
-    assert found.drift[0] == pytest.approx(np.hypot(2e-3, last) - np.hypot(2e-3, first), abs=2e-5)
-    assert found.drift[1] == 0.0 and found.drift[3] == pytest.approx(0.65)
+    # along y, from the side that is 1 mm off: mean of the first four and the last three of its twenty visits
+    first, last = 2e-3 * 3.0 / 39.0, 2e-3 * 36.0 / 39.0
+    assert found.drift[0] == pytest.approx(np.hypot(1e-3, last) - np.hypot(1e-3, first), abs=2e-5)
+    assert found.drift[1] == 0.0 and found.drift[3] == pytest.approx(38.0 / 60.0)
     assert len(found.distances.length) == 1 and found.distances.length[0] == pytest.approx(1.0, abs=1e-2)
     assert abs(found.distances.after[0]) < 1e-12 and found.distances.repeatability is not None
     assert not found.missing

@@ -64,8 +64,6 @@ def read(dialect, change, where=None):
     (rapid, ("\\WObj:=table", "\\WObj:=table\\TLoad:=heavy"), "TLoad"),
     (rapid, ("PROC main()\n", "PROC main()\n    GripLoad part;\n"), "GripLoad"),
     (rapid, ("PROC main()", "PROC main(robtarget p1)"), "an argument"),
-    (urscript, ("  movej(start,", "  start[0] = 0.3\n  movej(start,"), "start is set 2 times"),
-    (urscript, ("def prog():", "def prog(start):"), "start is set 2 times"),
     (krl, ("  PTP XP1 ", "  SPTP XP1 WITH $TOOL=TOOL_DATA[3] "), "of this motion alone"),
     (krl, ("  PTP XP1 ", "  SPLINE WITH $BASE=BASE_DATA[3]\r\n  PTP XP1 "), "spline block"),
     (fanuc_tp, ("   1:J P[1", "   1:  UTOOL[4]=PR[1] ;\n   1:J P[1"), "the program sets UTOOL[4]"),
@@ -77,6 +75,8 @@ def test_what_changes_a_target_behind_its_numbers_is_refused(dialect, change, re
 
 
 @pytest.mark.parametrize("dialect, change, reason", [
+    (urscript, ("  movej(start,", "  start[0] = 0.3\n  movej(start,"), "is set 2 times"),
+    (urscript, ("def prog():", "def prog(start):"), "is set 2 times"),
     (urscript, ("  movej(start", "  if x:\n    set_tcp(p[0,0,0,0,0,0])\n  end\n  movej(start"), UNCERTAIN),
     (urscript, ("  movej(start", "  if x:\n    set_payload(1, [0,0,0])\n  end\n  movej(start"), UNCERTAIN),
     (krl, ("  PTP XP1 ", "  $TOOL=TOOL_DATA[2]\r\n  $BASE=$NULLFRAME\r\n  PTP XP1 "), "FP1 says another"),

@@ -31,6 +31,17 @@ def test_distances_are_judged_visit_by_visit():
     assert found.repeatability == pytest.approx(3 * MM) and found.repeated == 1
 
 
+def test_what_differs_between_directions_is_no_drift():
+    """Six visits from one side, 1 mm off, then six from the other, 3 mm off: AP of each stays, vAP = 2 mm."""
+    error = np.zeros((12, 3))
+    error[:, 0] = MM * np.repeat([1.0, 3.0], 6)
+    joints = {"q": np.zeros((12, 1)), "approach": np.repeat([[-1.0], [1.0]], 6, axis=0)}
+    data = Dataset.of_arrays("poses", joints, position=error, time=200.0 * np.arange(12))
+    found = iso_9283(data, error, error, 0.0 * error, 0.0 * error, 1)
+    assert found.directions[0] == pytest.approx(2 * MM)
+    assert found.drift[0] == pytest.approx(0.0) and found.drift[2] == pytest.approx(0.0)
+
+
 def test_pose_accuracy_repeatability_and_drift_of_four_visits():
     """Visits 1, 3, 1, 3 mm off along x: AP = 2 mm, l = 1 mm each, S = 0, RP = 1 mm."""
     error = np.zeros((4, 3))

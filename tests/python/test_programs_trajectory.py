@@ -48,6 +48,8 @@ RIGHT = {
     "a goal of no joints beside it": dump({"trajectory": trajectory(), "multi_dof_trajectory": {
         "joint_names": [], "points": []}}),
     "times in seconds": re.sub(r"(time_from_start: )\{nanosec: 0, sec: (\d+)\}", r"\1\2.0", FLOW),
+    "a gripper and a rail beside the arm": re.sub(r"(positions: \[)([^\]]*)", r"\1 0.3, \2, 0.02", re.sub(
+        r"(joint_names: \[)([^\]]*)", r"\1rail, \2, gripper", FLOW)),
     "JSON": json.dumps(trajectory()),
     "JSON of several lines": json.dumps(trajectory(), indent=2),
 }
@@ -58,6 +60,7 @@ REFUSED = {
     "a list among the names": FLOW.replace("a4", "[a4]"),
     "a name given twice": FLOW.replace("a4", "a2"),
     "a point with too few numbers": FLOW.replace("positions: [", "positions: [0.1, ", 1),
+    "a name without a position": re.sub(r"(joint_names: \[)([^\]]*)", r"\1\2, gripper", FLOW),
     "no number": re.sub(r"(positions: \[)[^,]*", r"\1.nan", FLOW, count=2),
     "an angle in degrees": re.sub(r"(positions: \[)[^,]*", r"\g<1>98.0", FLOW, count=2),
     "numbers that stand for others": re.sub(r"positions: \[[^\]]*\]", "positions: *first", FLOW.replace(

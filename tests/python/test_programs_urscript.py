@@ -70,6 +70,10 @@ RIGHT = {
     "a thread of joint targets": f"{SET}servoj({joints(1)}, 0, 0, 0.008, 0.1, 300)\n"
                                  f"servoj({joints(2)}, t=0.008)",
     "a rotation vector of more than a turn": f"{SET}movej({pose(1, turns=1)})\nmovel({pose(2, turns=-1)})",
+    "poses in a frame": f"{SET}a = {pose(1)}\nb = p[0,0,0.01,0,0.1,0]\nmovej(pose_trans(a, b))\n"
+                        f"movel(pose_trans(a, p[0.02,0,-0.01,0,0,0.1]), a=1.2, v=0.25)\n"
+                        f"movej(get_inverse_kin(pose_trans(a, p[0.01,0,0,0,0,0]), qnear={joints(1)}))\n"
+                        f"movel(pose_trans(pose_trans(a, p[0,0,0.01,0,0,0]), p[0,0.03,0,0,0,0]))",
     "numbers in every form": f"{SET}movej([{', '.join(f'{v:+.10e}' for v in Q[1])}])",
     "a name that looks like a pose": f"{SET}stop = {joints(1)}\nmovej(stop)\nmovep({pose(2)}, r=0.02)",
 }
@@ -95,7 +99,12 @@ REFUSED = {
     "an element that changes": f"{SET}q = {joints(1)}\nq[0] = q[0] + 0.05\nmovej(q)",
     "an element that changes behind the motion, in a loop":
         f"{SET}q = {joints(1)}\ni = 0\nwhile i < 2:\nmovej(q)\nq[0] = q[0] + 0.05\ni = i + 1\nend",
-    "a pose that is computed": f"{SET}a = {pose(1)}\nmovej(pose_trans(a, p[0,0,0.01,0,0,0]))",
+    "a pose in a frame that is a target, too": f"{SET}a = {pose(1)}\nmovej(a)\n"
+                                               f"movej(pose_trans(a, p[0,0,0.01,0,0,0]))",
+    "a pose in a frame that changes": f"{SET}a = {pose(1)}\na[2] = 0.3\n"
+                                      f"movej(pose_trans(a, p[0,0,0.01,0,0,0]))",
+    "a pose in two frames": f"{SET}a = {pose(1)}\nb = p[0,0,0.01,0,0,0]\nmovej(pose_trans(a, b))\n"
+                            f"movej(pose_trans({pose(2)}, b))",
     "a pose that is computed from another": f"{SET}a = {pose(1)}\nb = pose_add(a, p[0,0,0.01,0,0,0])\n"
                                             f"movej(b)",
     "a sum in a pose": f"{SET}x = 0.01\nmovej({pose(1).replace(',', ' + x,', 1)})",

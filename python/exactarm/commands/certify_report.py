@@ -185,20 +185,20 @@ def certificate(c: Certified) -> Report:
         *([_paths(c.paths)] if c.paths else []),
         *([Text("Not evaluated", tuple(f"{measure}: {why}." for measure, why in c.missing.items()))]
           if c.missing else []),
-        _budget(c.budget),
+        _budget(c.budget, c.rows.word),
         Text("What was compared",
              (f"Before: {c.earlier.name}. After: the robot file as it is. Of both, base and tool frame alone "
               f"were fitted, with {int(c.rows.frames.sum())} rows. {c.rows.why}",)),
         figure_of_panel(
             "error_histogram", "Distribution of the position error",
             partial(error_histogram, c.before.error, c.after.error, "m", of="positions"), 3.0,
-            "Number of held-out positions by their error.",
+            f"Number of {c.rows.word} positions by their error.",
             "histogram of the position error before and after"),
         Figure(
             "error_over_workspace", "Position error over the work space",
             partial(error_over_workspace, c.points, c.before.error, c.after.error),
-            "Held-out positions of the target in the robot's base frame, coloured by their error; one scale "
-            "for before and after, the largest errors on top.",
+            f"{c.rows.word.capitalize()} positions of the target in the robot's base frame, coloured by "
+            "their error; one scale for before and after, the largest errors on top.",
             "position errors before and after, seen from above and from the side"),
         *([_distances(c.iso.distances)] if c.iso.distances else []))
     return Report(f"Certificate of {c.robot.name}", verdict, sections, tone)
@@ -206,7 +206,8 @@ def certificate(c: Certified) -> Report:
 
 def _highlights(c: Certified) -> tuple[Highlight, ...]:
     before, after = c.summaries
-    items = [Highlight(f"held-out, {name}", Quantity(now, "m"), Quantity(then, "m") if c.compared else None)
+    earlier = lambda then: Quantity(then, "m") if c.compared else None
+    items = [Highlight(f"{c.rows.word}, {name}", Quantity(now, "m"), earlier(then))
              for name, now, then in (("mean", after.mean, before.mean), ("maximum", after.max, before.max))]
     if c.iso.poses:
         items.append(
@@ -228,7 +229,7 @@ def _held_out(c: Certified) -> Table:
         name, one.n,
         *(Quantity(getattr(s, key), "m") for key in ("mean", "rms", "max") for s in (one, other)))
     rows = [row("all", before, after), *(row(*region) for region in c.regions)]
-    return Table("Held-out position error",
+    return Table(f"{c.rows.word.capitalize()} position error",
                  ("where", "rows", "mean before", "mean after", "RMS before", "RMS after", "maximum before",
                   "maximum after"),
                  tuple(rows),
@@ -295,7 +296,7 @@ def _paths(paths: tuple[PathTest, ...]) -> Table:
     return Table("Paths in the terms of ISO 9283", header, rows, note)
 
 
-def _budget(b: Budget) -> Table:
+def _budget(b: Budget, word: str) -> Table:
     share = lambda u: f"{100.0 * u**2 / b.u**2:.0f} %" if b.u > 0.0 else ""
     freedom = lambda value: (
         "∞" if value >= MANY else f"> {MANY_FREEDOM}" if value > MANY_FREEDOM else f"{value:.0f}")
@@ -305,7 +306,7 @@ def _budget(b: Budget) -> Table:
     note = (
         "Of one coordinate of the position that the model predicts within the judged work space. In space, "
         f"95 % of the positions lie within {quantity(b.radius, 'm')} of it if errors are Gaussian; of the "
-        f"held-out rows {100.0 * b.share_within:.1f} % do.")
+        f"{word} rows {100.0 * b.share_within:.1f} % do.")
     if not any(e.source == "instrument" for e in b.entries):
         note += " The instrument's own uncertainty was not given: what of it repeats is not in the budget."
     return Table("Uncertainty (GUM)", ("source", "type", "u", "degrees of freedom", "share", "how"),

@@ -132,8 +132,7 @@ def _write_robot(robot: Robot, asked: Asked, made: str, folder: OutputFolder) ->
             "date": made,
             "run": folder.run,
             "seed": asked.seed,
-            "data": [{"file": source.path, "sha256": source.sha256} for source in asked.files
-                     if source.rows is not None]}
+            "data": [source.entry for source in asked.files if source.rows is not None]}
     earlier = {key: value for key, value in robot.record.items() if key in told or key == "previous"}
     own = {key: value for key, value in robot.record.items() if key not in earlier}
     record = own | told | ({"previous": earlier} if earlier else {})

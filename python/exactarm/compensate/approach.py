@@ -83,7 +83,10 @@ class Approaches:
         if self.rows.size:
             self.straight(np.nan_to_num(q))
             arrival[self.rows] = self.arrival
-        return _kept(np.nan_to_num(arrival), self.motions) * self.sense
+        lost = np.append(np.isnan(q).any(axis=1), True)  # place -1: no target
+        blind = self.known & (lost[self.target] | lost[self.before])
+        arrival[blind] = 0.0
+        return _kept(np.nan_to_num(arrival), self.motions, blind) * self.sense
 
     def straight(self, q: np.ndarray) -> None:
         """Brings `arrival` up to date."""
@@ -123,11 +126,11 @@ def _final_twist(start: Poses, over: Poses, end: Poses) -> np.ndarray:
     return np.concatenate([tangent, turned], axis=1)
 
 
-def _kept(arrival: np.ndarray, motions: Sequence[Motion]) -> np.ndarray:
+def _kept(arrival: np.ndarray, motions: Sequence[Motion], blind: np.ndarray) -> np.ndarray:
     """Signs, where an axis does not move those of the motion before; nothing is known behind an unknown
-    place."""
+    place, nor of motions (M,) that are blind."""
     given = np.array([motion.approach is not None for motion in motions], bool)
-    anew = given | np.array([motion.target is None for motion in motions], bool)
+    anew = given | blind | np.array([motion.target is None for motion in motions], bool)
     signs = np.where(given[:, None] | (np.abs(arrival) > LEAST_TURN_RAD), np.sign(arrival), 0.0)
     told = np.where((signs != 0.0) | anew[:, None], np.arange(len(signs))[:, None], -1)
     last = np.maximum.accumulate(told, axis=0)  # motion that the sign of each axis comes from, -1: none

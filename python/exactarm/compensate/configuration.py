@@ -6,11 +6,13 @@ sign bits    T of KUKA: bit i is set where axis i + 1 is below zero
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 EDGE_RAD = 1e-4  # an axis that close to the edge of a quadrant may be counted to either
 ZERO_RAD = 2e-5  # an angle that small may carry either sign
-_QUARTER = 0.5 * np.pi
+_QUARTER = 0.5 * math.pi
 
 
 def quadrants(q: np.ndarray) -> np.ndarray:
@@ -20,7 +22,7 @@ def quadrants(q: np.ndarray) -> np.ndarray:
 
 def in_quadrant(angle, word):
     """Whether axes stand where cf1, cf4 or cf6 say: of one, or of arrays."""
-    return (word * _QUARTER - EDGE_RAD <= angle) & (angle <= (word + 1) * _QUARTER + EDGE_RAD)
+    return abs(angle - (word + 0.5) * _QUARTER) <= 0.5 * _QUARTER + EDGE_RAD
 
 
 def sign_bits(q: np.ndarray) -> int:

@@ -103,13 +103,15 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     index: dict[int, int] = {}
     cells = _Cells(setting)
 
+    def unread(name: str, place: int, why: str) -> int:
+        targets.append(Target.unread(name, 0, source.line(place), why))
+        return len(targets) - 1
+
     def target(kind: str, word: str, place: int) -> int:
         i = whole_number(word.split(":")[0])
         if kind == "PR" or i is None:
-            raise source.refuse(
-                place,
-                f"the target {kind}[{word}] is in a register or computed; expected a position P[number]",
-            )
+            return unread(f"{kind}[{word}]", place,
+                          "the target is in a register or computed; expected a position P[number]")
         found = positions.get(i, [])
         if len(found) != 1:
             raise source.refuse(
@@ -140,18 +142,21 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
                 active[match["which"]] = match["number"]
             continue
         if word := forbidden and _FORBIDDEN.search(match[4]):
-            raise source.refuse(
-                match.start(1),
-                f"{word[1]}: the motion does not end where P[{match[3].strip()}] says; expected it without",
-            )
+            end_of = f"{match[2]}[{match[3].strip()}]"
+            motions.append(Motion("joint", unread(
+                f"{end_of} {word[1]}", match.start(1),
+                f"{word[1]}: the motion does not end where {end_of} says; expected it without"),
+                source.line(match.start(1))))
+            above = match
+            continue
         first = target(match[2], match[3], match.start(1))
         line = source.line(match.start(1))
-        position = positions[whole_number(match[3].split(":")[0])][0]
+        position = positions.get(whole_number(match[3].split(":")[0]), [None])[0] if match[2] == "P" else None
         insert = None
-        if match[1] == "L" and _same_branch(targets, motions, first):
+        if match[1] == "L" and position and _same_branch(targets, motions, first):
             insert = partial(listing.before, match, above, position, targets[first])
         above = match
-        if active:
+        if active and position:
             _require_active(source, position, active, match.start(1))
         if match[1] in "AS":
             kind = "circular motion of the form A" if match[1] == "A" else "spline motion S"

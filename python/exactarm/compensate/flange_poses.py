@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exactarm.numerics.rotation import log as rotation_log
+from exactarm.numerics.rotation import turn
 from exactarm.robot.robot import Placement
 
 # m per rad: 1 mrad that nothing can reach counts as 1 um in the search, and moves the place by nanometres
@@ -64,8 +64,8 @@ def _turned(rotation: np.ndarray, vectors: np.ndarray) -> np.ndarray:
 
 def pose_error(targets: Poses, reached: Poses) -> np.ndarray:
     """(N, 6): what is missing to the targets, m and rad (rotation vector in the base frame)."""
-    turn = rotation_log(targets.rotation @ np.swapaxes(reached.rotation, -1, -2))
-    return np.concatenate([targets.position - reached.position, turn], axis=1)
+    turned = turn(targets.rotation @ np.swapaxes(reached.rotation, -1, -2))
+    return np.concatenate([targets.position - reached.position, turned], axis=1)
 
 
 def missing(error: np.ndarray, axes: int) -> np.ndarray:

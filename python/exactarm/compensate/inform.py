@@ -124,9 +124,12 @@ class _Reader:
             return
         line = self.source.line(place)
         if match[1] == "IMOV" or not _OWN.fullmatch(match[2]):
-            raise self.source.refuse(
-                place, f"{match[1]} {match[2]}: an increment or a variable; expected a position C of this job"
-            )
+            self.targets.append(Target.unread(
+                f"{match[1]} {match[2]}", 0, line,
+                "an increment or a variable; expected a position C of this job"))
+            self.motions.append(Motion("joint", len(self.targets) - 1, line))
+            self.arcs, self.stands = 0, False
+            return
         if _SECOND.search(match[3]):
             raise self.source.refuse(
                 place, "a second position in one motion: external axes or a second arm; expected one"

@@ -3,9 +3,9 @@
 
 The points follow each other in time: at a reversal one gear table passes into the other as chain/direction.py
 says. Which name is which axis: [controller] joint_names of the robot file (a URDF has them), names that end
-in the number of the axis, or those of Universal Robots. Positions are corrected; velocities, accelerations
-and efforts stay (they change by about a thousandth). Joint states that come back must be turned back too
-(`actual_of`), or planners find the start of the next motion off.
+in the number of the axis, or those of Universal Robots. Names beside them keep their positions. Positions are
+corrected; velocities, accelerations and efforts stay (they change by about a thousandth). Joint states that
+come back must be turned back too (`actual_of`), or planners find the start of the next motion off.
 """
 
 from __future__ import annotations
@@ -67,18 +67,23 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     if odd is not None:
         raise InputError("joint_names: expected a name for each axis, no list or mapping", file=source.path,
                          line=odd.start_mark.line + 1)
-    order = axis_order(setting.robot, [node.value for node in names.value], source)
+    columns, order = axis_order(setting.robot, [node.value for node in names.value], source)
+    count = len(names.value)
     targets, motions = [], []
     for i, point in enumerate(points.value):
         fields = _fields(point, source)
         line = point.start_mark.line + 1
         positions = fields.get("positions")
-        if not isinstance(positions, yaml.SequenceNode) or len(positions.value) != len(order):
-            raise InputError(f"point {i + 1}: expected {len(order)} positions", file=source.path, line=line)
+        if not isinstance(positions, yaml.SequenceNode) or len(positions.value) != count:
+            raise InputError(f"point {i + 1}: expected {count} positions", file=source.path, line=line)
         numbers = _numbers(source, positions, place).checked(source)
+        if count > len(order):
+            numbers = Numbers(*([part[k] for k in columns] for part in numbers))
         targets.append(Target(f"point {i + 1}", 0, line, *numbers, (DECIMALS,) * len(order)))
-        rates = _rates(fields, order)
-        insert = partial(_insertion, source, point, fields, place, order, len(rates)) if i else None
+        rates = _rates(fields, columns, order, count)
+        insert = None
+        if i and count == len(order):
+            insert = partial(_insertion, source, point, fields, place, order, len(rates))
         motions.append(
             Motion("joint", i, line, time=_time(source, fields, line), insert=insert, rates=rates))
     times = [motion.time for motion in motions]
@@ -116,16 +121,16 @@ def _numbers(source: SourceText, positions: yaml.SequenceNode, place: Callable[[
     return Numbers.of(numbers)
 
 
-def _rates(fields: dict, order: list[int]) -> tuple[np.ndarray, ...]:
+def _rates(fields: dict, columns: list[int], order: list[int], count: int) -> tuple[np.ndarray, ...]:
     """Velocity and acceleration of each axis at a point, as far as it has them; none where they are no
     numbers."""
     rates = []
     for key in RATES:
         node = fields.get(key)
-        if not isinstance(node, yaml.SequenceNode) or len(node.value) != len(order):
+        if not isinstance(node, yaml.SequenceNode) or len(node.value) != count:
             break
         try:
-            values = np.array([float(item.value) for item in node.value])
+            values = np.array([float(node.value[k].value) for k in columns])
         except (TypeError, ValueError):
             break
         if not np.all(np.isfinite(values)):
@@ -161,24 +166,28 @@ def _insertion(
     return Edit(0, start, start, "".join(line + newline[0] for line in lines).encode("latin-1"))
 
 
-def axis_order(robot: Robot, names: list[str], source: SourceText) -> list[int]:
-    """The axis (from 0) of each name; refused where that is not certain."""
-    known = robot.controller.joint_names
-    if sorted(names) == sorted(known):
-        return [known.index(name) for name in names]
-    plain = [name.removeprefix(_common_prefix(names)) for name in names]
-    if robot.axes == 6 and sorted(plain) == sorted(UR_NAMES):
-        return [UR_NAMES.index(name) for name in plain]
-    ends = [re.search(r"(\d+)$", name) for name in names]
-    axes = [whole_number(end[1]) or 0 for end in ends if end]
-    if sorted(axes) == list(range(1, robot.axes + 1)):
-        return [axis - 1 for axis in axes]
+def axis_order(robot: Robot, names: list[str], source: SourceText) -> tuple[list[int], list[int]]:
+    """The places of the names that are axes, and the axis (from 0) of each; refused where that is not
+    certain. Names beside them (a gripper, a rail) keep their positions."""
+    prefix = _common_prefix(names)
+    for known, own in ((robot.controller.joint_names, names),
+                       (UR_NAMES, [name.removeprefix(prefix) for name in names]),
+                       ([str(axis + 1) for axis in range(robot.axes)], list(map(_number_behind, names)))):
+        columns = [k for k, name in enumerate(own) if name in known]
+        order = [known.index(own[k]) for k in columns]
+        if sorted(order) == list(range(robot.axes)):
+            return columns, order
     raise InputError(
         f"joint_names {', '.join(names)}: which axis each is, is not certain; expected {robot.axes} names as "
         "in the robot "
         "file: [controller] joint_names = [...] in the order of the axes",
         file=source.path,
     )
+
+
+def _number_behind(name: str) -> str:
+    end = re.search(r"(\d+)$", name)
+    return str(whole_number(end[1])) if end else ""
 
 
 def _common_prefix(names: list[str]) -> str:

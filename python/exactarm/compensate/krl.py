@@ -27,6 +27,7 @@ from exactarm.compensate.flange_poses import Poses
 from exactarm.compensate.krl_data import (
     ASSIGNED,
     CARTESIAN,
+    POINT_NAME,
     Aggregate,
     arguments,
     blocks,
@@ -194,8 +195,10 @@ class _Reader(Frames):
         source, kind = self.sources[index], match[1].upper()
         line = source.line(match.start())
         if match[2]:
-            raise source.refuse(match.start(),
-                                f"{kind}_REL moves from where the arm is; expected absolute targets")
+            self.arrive(index, match, line, [self.unread(
+                f"{kind}_REL", index, line, "moves from where the arm is; expected absolute targets")],
+                state, inline)
+            return
         if kind in ALONE and (record := self.record(index, match, 3)):
             place = self.target(index, f"line {line}", record, state, inline, kind)
             self.arrive(index, match, line, [place], state, inline)
@@ -212,9 +215,17 @@ class _Reader(Frames):
             words = words[:1]
         places = []
         for word, place in words:
+            if "{" not in word and not POINT_NAME.match(word.strip()):
+                places.append(self.unread(word, index, line,
+                                          "the point is computed; expected a name or numbers"))
+                continue
             found = self.point(index, word, place)
             places.append(None if found is None else self.target(index, *found, state, inline, kind))
         self.arrive(index, match, line, places, state, inline)
+
+    def unread(self, name: str, index: int, line: int, why: str) -> int:
+        self.targets.append(Target.unread(name, index, line, why))
+        return len(self.targets) - 1
 
     def arrive(self, index: int, match: re.Match, line: int, places: list[int | None], state: dict,
                inline: str | None) -> None:

@@ -38,7 +38,7 @@ _WITH = re.compile(r"(?i)[ \t]+WITH\b.*$")
 _BLEND = re.compile(r"(?i)(?<=[\w}])[ \t]+(C_\w+|WITH\b.*)\s*$")
 _HEAD = re.compile(r"\s*\w+\s*:")
 _FIELD = re.compile(r"\s*([A-Za-z_]\w*)(\[\])?\s*")
-_NAME = re.compile(r"(?i)\$?[a-z_]\w*$")
+POINT_NAME = re.compile(r"(?i)\$?[a-z_]\w*$")
 
 
 _HEADS = re.compile(r"(?i)[ \t]*(?:GLOBAL[ \t]+)?DEF[ \t]+\w+[ \t]*\(([^)\r\n]*\w[^)\r\n]*)\)")
@@ -215,7 +215,7 @@ class Declarations:
             return f"line {source.line(place)}", self.aggregate(
                 index, AGGREGATE.match(self.texts[index], place)
             )
-        if not _NAME.match(word):
+        if not POINT_NAME.match(word):
             raise source.refuse(place, f"the point {word[:40]!r} is computed; expected a name or numbers")
         name, known = word.upper(), self.values.get(word.upper(), [])
         if not known and name in ELSEWHERE:

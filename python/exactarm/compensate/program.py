@@ -29,6 +29,7 @@ from exactarm.robot.robot import Placement
 NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _NUMBER = re.compile(rf"\s*({NUMBER})\s*")
 MOST_LISTED = 16  # numbers with commas between that are read at once
+MOST_SHOWN = 40  # letters of a formula, in a message
 LARGEST = (
     1e6  # no program has a length in mm or an angle in degrees beyond it; 9E9 marks an axis that is not there
 )
@@ -77,6 +78,11 @@ class Target(NamedTuple):
     matches: Callable[[np.ndarray], bool] | None = None
     configuration: str = ""
     refusal: str = ""
+
+    @staticmethod
+    def unread(name: str, file: int, line: int, why: str) -> Target:
+        """Of a motion whose place stands nowhere in numbers of its own: an offset, a register, a formula."""
+        return Target(" ".join(name.split())[:MOST_SHOWN], file, line, (), is_pose=True, refusal=why)
 
     @property
     def tip_known(self) -> bool:
@@ -221,7 +227,9 @@ class SourceText:
 
     @cached_property
     def _starts(self) -> list[int]:
-        return [0, *(match.end() for match in re.finditer(r"[\r\n](?:(?<=\r)\n)?", self.text))]
+        letters = np.frombuffer(self.content + b" ", np.uint8)
+        ends = (letters == 10) | (letters == 13) & (np.append(letters[1:], 0) != 10)
+        return [0, *(np.flatnonzero(ends) + 1).tolist()]
 
     @cached_property
     def _marks(self) -> tuple[np.ndarray, np.ndarray]:
@@ -312,12 +320,13 @@ def _write(sources: Sequence[SourceText], targets: Sequence[Target], values: np.
     for file in np.unique(files).tolist():
         rows = np.flatnonzero(files == file)
         own = [targets[row] for row in rows.tolist()]
-        places = list(chain.from_iterable(target.places[:count] for target in own))
+        flat = chain.from_iterable(chain.from_iterable(target.places[:count] for target in own))
+        places = np.fromiter(flat, int).reshape(-1, 2)
         digits = np.fromiter(chain.from_iterable(target.digits for target in own), int)
         new = values[rows].ravel()
-        texts = sources[file].numbers(np.array(places), digits, new) if digits.size else [
+        texts = sources[file].numbers(places, digits, new) if digits.size else [
             b"%d" % value for value in new.tolist()]
-        edits += map(_EDIT, zip(repeat(file), map(itemgetter(0), places), map(itemgetter(1), places), texts))
+        edits += map(_EDIT, zip(repeat(file), *places.T.tolist(), texts))
         written[rows] = np.fromiter(map(float, texts), float).reshape(-1, count)
     return written
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -24,6 +24,7 @@ from exactarm.compensate.angles import from_quaternion, to_quaternion
 from exactarm.compensate.configuration import EDGE_RAD, in_quadrant, quadrants
 from exactarm.compensate.flange_poses import Poses
 from exactarm.compensate.program import (
+    LARGEST,
     Edit,
     Motion,
     Notation,
@@ -117,7 +118,7 @@ class _Reader(Frames):
         self.motions: list[Motion] = []
         self.used: dict[tuple[int, int], int] = {}
         self.warnings: list[str] = []
-        self.outside: dict[tuple[str, ...], tuple[float, ...]] = {}  # external axes: the same in most
+        self.outside: dict[tuple[str, ...], bool] = {}  # external axes, the same in most: none in use
         self.nearest = {kind for index in range(len(sources)) for kind in self.unmonitored(index)}
         self.spans: list[list[tuple[int, int]]] = [
             [(datum.place, datum.literal.end if datum.literal else datum.place + 1)
@@ -140,44 +141,55 @@ class _Reader(Frames):
             if word and not _MOVE.match(text, word.start(1)):
                 self.warnings.append(f"{source.path.name} line {source.line(word.start(1))}: {word[1]} is "
                                      "not read; a target in it stays as it is")
+        manners: dict[tuple[str, str], tuple[str, int, str, str]] = {}
         before = None  # the statement of the motion above
         for match in _MOVE.finditer(text):
             end = text.find(";", match.end())
             if end < 0:
                 raise source.refuse(match.start(), f"{match[1]} without its end; expected ;")
             self.spans[index].append((match.start(), end))
-            word = match[1].lower()
-            if word == "searchl":
-                raise source.refuse(match.start(), "SearchL stops where a sensor says; expected a target")
-            kind = KINDS[word]
             whole = ROBTARGET.match(text, match.end(), end)  # most targets in brackets
-            switches, plain = self.arguments(text, match.end(), end, whole)
-            for name in switches:
-                if "?" in name and re.match(r"(wobj|tload)\s*\?", name):
-                    raise source.refuse(match.start(), f"a frame or load that a caller gives (\\{name}); "
-                                                       "expected a name of these files")
-            count = 2 if kind == "circular" else 1
-            if len(plain) < count:
-                raise source.refuse(match.start(), f"{match[1]} without a target")
-            if found := switches.keys() & SENSED:
-                raise source.refuse(match.start(), f"a sensor guides the motion (\\{found.pop()}); "
-                                                   "expected a target that is reached as it stands")
-            axes = word == "moveabsj"
+            switches, plain, tail = self.arguments(text, match.end(), end, whole)
+            key = match[0], tail
+            if not tail or key not in manners:
+                manners[key] = self.manner(index, match, switches, plain)
+            kind, count, tool, wobj = manners[key]
+            axes = kind == "joint" and match[1].lower() == "moveabsj"
             nearest = kind in self.nearest and any(motion.target is not None for motion in self.motions)
-            wobj = switches.get("wobj", "wobj0")
-            tool = tool_of(plain, count + 2 if match[2] and word.startswith("move") else -1)
-            if switches.get("tload", "load0").lower() != "load0" and self.setting.load is None:
-                raise source.refuse(match.start(), "\\TLoad in place of the load of the tool; expected "
-                                                   "--payload with it")
             found = None if whole is None else Literal(whole.start(), whole.end(), [], whole)
-            places = [self.target(index, value, place, axes, tool, wobj, found, nearest)
-                      for value, place in plain[:count]]
-            via = places[0] if count == 2 else None
+            via = None
+            goal = self.target(index, *plain[0], axes, tool, wobj, found, nearest)
+            if count == 2:
+                via, goal = goal, self.target(index, *plain[1], axes, tool, wobj, None, nearest)
             insert = None
             if kind == "linear" and switches.keys() <= SPREAD:
                 insert = partial(self.insertion, index, match, end, plain, before)
             before = (match.start(), end + 1)
-            self.motions.append(Motion(kind, places[-1], source.line(match.start()), via, insert=insert))
+            self.motions.append(Motion(kind, goal, source.line(match.start()), via, insert=insert))
+
+    def manner(self, index: int, match: re.Match, switches: Mapping[str, str],
+               plain: list[tuple[str, int]]) -> tuple[str, int, str, str]:
+        """Kind, count of targets, tool and work object of a motion: by its word and what stands behind its
+        first target."""
+        source, word = self.sources[index], match[1].lower()
+        if word == "searchl":
+            raise source.refuse(match.start(), "SearchL stops where a sensor says; expected a target")
+        for name in switches:
+            if re.match(r"(wobj|tload)\s*\?", name):
+                raise source.refuse(match.start(), f"a frame or load that a caller gives (\\{name}); "
+                                                   "expected a name of these files")
+        kind = KINDS[word]
+        count = 2 if kind == "circular" else 1
+        if len(plain) < count:
+            raise source.refuse(match.start(), f"{match[1]} without a target")
+        if found := switches.keys() & SENSED:
+            raise source.refuse(match.start(), f"a sensor guides the motion (\\{found.pop()}); "
+                                               "expected a target that is reached as it stands")
+        if switches.get("tload", "load0").lower() != "load0" and self.setting.load is None:
+            raise source.refuse(match.start(), "\\TLoad in place of the load of the tool; expected "
+                                               "--payload with it")
+        tool = tool_of(plain, count + 2 if match[2] and word.startswith("move") else -1)
+        return kind, count, tool, switches.get("wobj", "wobj0")
 
     def insertion(self, index: int, match: re.Match, end: int, plain: list[tuple[str, int]],
                   before: tuple[int, int] | None, points: list) -> Edit | None:
@@ -224,87 +236,84 @@ class _Reader(Frames):
         nearest: bool,
     ) -> int:
         source = self.sources[index]
-        place += len(value) - len(value.lstrip())
-        word = value.strip()
-        literal = None
-        if word.startswith("["):
-            literal = whole if whole and whole.start == place else self.literal(index, place)
-        name, file = f"line {source.line(place)}", index
+        literal = whole
+        if literal is None:
+            place += len(value) - len(value.lstrip())
+            word = value.strip()
+            literal = self.literal(index, place) if word.startswith("[") else None
+        else:
+            place = literal.start
+        name, file = "", index
         if literal is None:
             if not re.fullmatch(r"\w+", word):
-                raise source.refuse(
-                    place, f"the target {word[:40]!r} is computed; expected a name or numbers"
-                )
+                self.targets.append(Target.unread(
+                    word, index, source.line(place), "the target is computed; expected a name or numbers"))
+                return len(self.targets) - 1
             datum = self.datum(index, word, place, ("jointtarget",) if axes else ("robtarget",))
             name, literal, file = word, datum.literal, datum.file
+        line = self.sources[file].line(literal.start)
+        where = name or f"line {line}", file, line
         key = (file, literal.start)
         made = (
-            self.joints(name, file, literal, tool, index, place)
+            self.joints(where, literal, tool, index, place)
             if axes
-            else self.pose(name, file, literal, tool, wobj, index, place, nearest)
+            else self.pose(where, literal, tool, wobj, index, place, nearest)
         )
         if key in self.used:
             before = self.targets[self.used[key]]
             if not (before.tool == made.tool and before.base == made.base and before.load == made.load):
                 raise source.refuse(
                     place,
-                    f"{name} is used with different tools or work objects: no one number is right for all",
+                    f"{where[0]} is used with different tools or work objects: no one number is right for "
+                    "all",
                 )
             return self.used[key]
         self.targets.append(made)
         self.used[key] = len(self.targets) - 1
         return self.used[key]
 
-    def joints(self, name: str, file: int, literal: Literal, tool: str, index: int, place: int) -> Target:
+    def joints(self, where: tuple[str, int, int], literal: Literal, tool: str, index: int,
+               place: int) -> Target:
+        file = where[1]
         source, n = self.sources[file], self.setting.robot.axes
         numbers = self.numbers(file, literal, 0, None, "the joint angles")[:n]
         if len(numbers) != n:
             raise source.refuse(literal.start, f"{len(numbers)} joint angles; expected {n}")
         load = self.once(self.tool, tool, index, place)[2]  # the arm bends under it, wherever the tip is
-        return Target(name, file, source.line(literal.start), *Numbers.of(numbers).checked(source),
-                      (DEG_DECIMALS,) * n, load=load)
+        numbers = Numbers.of(numbers).checked(source)
+        return Target(*where, *numbers, (DEG_DECIMALS,) * n, load=load)
 
     def pose(
-        self, name: str, file: int, literal: Literal, tool: str, wobj: str, index: int, place: int,
+        self, where: tuple[str, int, int], literal: Literal, tool: str, wobj: str, index: int, place: int,
         nearest: bool,
     ) -> Target:
-        source = self.sources[file]
-        numbers, places = self.robtarget(file, literal)
-        if not NOT_IN_USE.issuperset(numbers[11:]):
-            raise source.refuse(literal.start, "an external axis is in use; expected 9E9 in all of them")
-        Numbers(numbers[:7], places).checked(source)
+        source = self.sources[where[1]]
+        numbers, places = self.robtarget(where[1], literal)
         if off := no_turn(numbers[3:7]):
             raise source.refuse(places[3][0], off)
         tip, why, load = self.once(self.tool, tool, index, place)
         base, why_base = self.once(self.work_object, wobj, index, place)
-        return Target(
-            name,
-            file,
-            source.line(literal.start),
-            numbers[:11],
-            places[:11],
-            DIGITS,
-            is_pose=True,
-            tool=tip,
-            base=base,
-            load=load,
-            matches=partial(self.fits, numbers[7:11])
-            if self.setting.robot.axes == 6 and not nearest else None,
-            refusal=why or why_base,
-        )
+        monitored = self.setting.robot.axes == 6 and not nearest
+        return Target(*where, numbers, places, DIGITS, is_pose=True, tool=tip, base=base, load=load,
+                      matches=partial(self.fits, numbers[7:11]) if monitored else None,
+                      refusal=why or why_base)
 
     def robtarget(self, file: int, literal: Literal) -> Numbers:
-        """Its numbers."""
+        """Its numbers, but those of external axes, which must not be in use."""
         if literal.plain is not None:
             words = literal.plain.groups()
             if words[11:] not in self.outside:
-                self.outside[words[11:]] = tuple(map(float, words[11:]))
-            values = (*map(float, words[:11]), *self.outside[words[11:]])
-            if max(map(abs, values)) < math.inf:
-                return Numbers(values, literal.plain.regs[1:])
-        numbers = [number for k, (count, what) in enumerate(PARTS)
-                   for number in self.numbers(file, literal, k, count, what)]
-        return Numbers.of(numbers)
+                self.outside[words[11:]] = NOT_IN_USE.issuperset(map(float, words[11:]))
+            values = tuple(map(float, words[:11]))
+            if self.outside[words[11:]] and max(map(abs, values)) <= LARGEST:
+                return Numbers(values, literal.plain.regs[1:12])
+        source = self.sources[file]
+        numbers = Numbers.of([number for k, (count, what) in enumerate(PARTS)
+                              for number in self.numbers(file, literal, k, count, what)])
+        if not NOT_IN_USE.issuperset(numbers.values[11:]):
+            raise source.refuse(literal.start, "an external axis is in use; expected 9E9 in all of them")
+        Numbers(numbers.values[:7], numbers.places).checked(source)
+        return Numbers(numbers.values[:11], numbers.places[:11])
 
     def fits(self, cf: Sequence[float], q: np.ndarray) -> bool:
         """Whether joint angles are of a configuration."""

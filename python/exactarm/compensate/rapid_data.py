@@ -119,9 +119,9 @@ class Declarations:
 
     def arguments(
         self, text: str, begin: int, end: int, whole: re.Match | None
-    ) -> tuple[Mapping[str, str], list[tuple[str, int]]]:
-        """Switches (small letters) of a motion, and its other arguments with their places. What stands behind
-        the first one is the same in most motions, and taken apart once."""
+    ) -> tuple[Mapping[str, str], list[tuple[str, int]], str]:
+        """Switches (small letters) of a motion, its other arguments with their places, and what stands behind
+        the first one: the same in most motions, and taken apart once ("": not so here)."""
         comma = text.find(",", whole.end() if whole else begin, end)
         head = "" if comma < 0 else text[begin:comma]
         if head and (text[whole.end() : comma].isspace() or whole.end() == comma if whole
@@ -130,8 +130,8 @@ class Declarations:
             if tail not in self.tails:
                 self.tails[tail] = _sorted(arguments(tail, 0, len(tail), None))
             switches, others = self.tails[tail]
-            return switches, [(head, begin), *[(value, place + comma) for value, place in others]]
-        return _sorted(arguments(text, begin, end, whole))
+            return switches, [(head, begin), *[(value, place + comma) for value, place in others]], tail
+        return *_sorted(arguments(text, begin, end, whole)), ""
 
     def _assign(self, name: str, index: int, place: int) -> None:
         self.assigned.setdefault(name.lower(), {}).setdefault(index, place)

@@ -95,12 +95,13 @@ def chosen_points(program: Program, points: str | None) -> np.ndarray:
     if points == "taught":
         return np.zeros(len(names), bool)
     if points is None:
+        known = [target.name for target in program.targets if target.numbers]
         raise InputError(
             f"a {program.dialect} program does not say which points were calculated: those taught on the "
             "robot are right already, and "
             "correcting them makes them wrong; say --points calculated, --points taught, or the names of the "
             "calculated ones: "
-            f"--points {','.join(dict.fromkeys(names[:2])) or 'P1,P2'}",
+            f"--points {','.join(dict.fromkeys(known[:2])) or 'P1,P2'}",
             file=program.files[0].path,
         )
     patterns = [pattern.strip().lower() for pattern in points.split(",")]

@@ -2,11 +2,12 @@
 vector).
 
 Targets stand in the call, or as a literal in a variable that is set once; `get_inverse_kin(pose, qnear=q)` of
-such literals is the pose, on the branch of q, which stays. Poses are of the TCP that
+such literals is the pose, on the branch of q, which stays; `pose_trans(frame, pose)` of literals is the pose
+in a frame, which stays. Poses are of the TCP that
 `set_tcp(p[..])` sets, in the controller's base; `set_payload(kg, [x, y, z])` is the load. A pose is taken on
 the branch nearest to the target before. The controller turns poses by its own calibrated frames: the robot
-file must have them ([controller] chain = "calibrated"). Not read: what is computed (`pose_trans`, `pose_add`,
-...), relative moves, blends. What moves targets (REASONS) is refused, and so is a tool or load that hangs on
+file must have them ([controller] chain = "calibrated"). Not read: what else is computed (`pose_add`, ...),
+relative moves, blends. What moves targets (REASONS) is refused, and so is a tool or load that hangs on
 the way through the program (ways.py).
 """
 
@@ -14,7 +15,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import partial, reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -34,6 +35,7 @@ from exactarm.compensate.program import (
 )
 from exactarm.compensate.setting import Setting
 from exactarm.compensate.ways import UNCERTAIN, Step, goes_on, unread, walk
+from exactarm.robot.mdh_frames import compose
 from exactarm.robot.robot import Placement
 
 NAME, SUFFIXES = "URScript", (".script", ".urscript")
@@ -70,7 +72,8 @@ _NAMED = re.compile(r"([A-Za-z_]\w*)\s*([,)])")
 _BLANK = re.compile(r"\s*(?:(?:q|pose)\s*=(?!=)\s*)?")
 _INVERSE = re.compile(r"get_inverse_kin\s*\(\s*")
 _NEAR = re.compile(r"\s*,\s*(?:qnear\s*=\s*)?")
-_CLOSED = re.compile(r"\s*\)\s*[,)]")
+_CLOSED = re.compile(r"\s*\)\s*([,)])")
+_PRODUCT = re.compile(r"pose_trans\s*\(\s*")
 _SIX = re.compile(  # most targets; the rest of the way is for all others
     r"\s*(p?)\s*\[" + ",".join([rf"\s*({NUMBER})\s*"] * 6) + r"\](?=[ \t]*(?:[,)\]\r\n]|$))")
 _BRACKETS = re.compile(r"[()\[\]]")
@@ -78,11 +81,22 @@ _BEHIND = re.compile(r"[ \t]*(?:[,)\]\r\n]|$)")  # what may follow numbers that 
 
 
 class _Literal(NamedTuple):
+    """frames: literals, from the base on, in whose product it stands (pose_trans)."""
+
     is_pose: bool
     numbers: Sequence[float]
     places: Sequence[tuple[int, int]]
     start: int
     end: int
+    frames: tuple[_Literal, ...] = ()
+
+    @property
+    def base(self) -> Placement:
+        return reduce(compose, (placement(frame.numbers) for frame in self.frames), HERE)
+
+
+class _Computed(Exception):
+    """A target that is no numbers of its own: where it stands, its name, and what was expected."""
 
 
 def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
@@ -103,7 +117,8 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     motions: list[Motion] = []
     index: dict[tuple, int] = {}
     begun: set[int] = set()
-    close: list[str] = []  # names of angles that choose a branch
+    framed: dict[int, tuple[int, ...]] = {}  # target -> where its frames stand
+    close: list[str] = []  # names of frames, and of angles that choose a branch
     tool, load = _given_tool(setting), None
 
     def literal(place: int) -> _Literal | None:
@@ -122,24 +137,29 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     def argument(place: int) -> tuple[str, _Literal, int]:
         """Name and numbers of a target that stands at `place`, and where it ends."""
         place = _BLANK.match(text, place).end()
+        if call := _PRODUCT.match(text, place):
+            word, frame, end = argument(call.end())
+            close.append(word)
+            if frame.is_pose and (comma := _NEAR.match(text, end)):
+                name, found, end = argument(comma.end())
+                if found.is_pose and (closed := _CLOSED.match(text, end)):
+                    frames = (*frame.frames, frame._replace(frames=()), *found.frames)
+                    return name, found._replace(frames=frames), closed.start(1)
         found = literal(place)
         if found is not None:
             return f"line {source.line(place)}", found, found.end
         word = _NAMED.match(text, place)
         if word is None:
             shown = re.split(r"[\r\n]", text[place : place + 40])[0]
-            raise source.refuse(
-                place, f"the target {shown!r} is computed; expected numbers, or a variable that holds them"
-            )
+            raise _Computed(place, shown, "the target is computed; expected numbers, or a variable "
+                                          "that holds them")
         places = assigned.get(word[1], [])
         if len(places) != 1:
             times = "never" if not places else f"{len(places)} times"
-            raise source.refuse(
-                place, f"{word[1]} is set {times} in this program; expected once, with numbers"
-            )
+            raise _Computed(place, word[1], f"is set {times} in this program; expected once, with numbers")
         found = literal(places[0])
         if found is None:
-            raise source.refuse(places[0], f"{word[1]} is computed; expected numbers")
+            raise _Computed(places[0], word[1], "is computed; expected numbers")
         return word[1], found, word.end(1)
 
     def inverse(place: int) -> tuple[str, _Literal, np.ndarray] | None:
@@ -152,8 +172,8 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
             close.append(word)
             if found.is_pose and not angles.is_pose and _CLOSED.match(text, end):
                 return name, found, setting.joints(np.array(angles.numbers))
-        raise source.refuse(
-            place, "the target is computed; expected numbers, or get_inverse_kin(pose, qnear=angles) alone")
+        raise _Computed(place, "get_inverse_kin", "the target is computed; expected numbers, or "
+                                                  "get_inverse_kin(pose, qnear=angles) alone")
 
     def target(place: int) -> int:
         six = _SIX.match(text, place)
@@ -162,20 +182,27 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
             found, near = _Literal(bool(six[1]), *numbers, six.start(1), six.end()), None
             name = f"line {source.line(found.start)}"
         else:
-            solved = inverse(_BLANK.match(text, place).end())
-            name, found, near = (*argument(place)[:2], None) if solved is None else solved
-        key = (found.start, id(tool) if found.is_pose else 0, load)
+            try:
+                solved = inverse(_BLANK.match(text, place).end())
+                name, found, near = (*argument(place)[:2], None) if solved is None else solved
+            except _Computed as error:
+                where, name, why = error.args
+                targets.append(Target.unread(name, 0, source.line(where), why))
+                return len(targets) - 1
+        frames = tuple(frame.start for frame in found.frames)
+        key = (found.start, id(tool) if found.is_pose else 0, load, frames)
         if key in index:
             return index[key]
         if found.start in begun:
             raise source.refuse(
-                place, f"{name} is used with different tools or loads: no one number is right for all"
+                place, f"{name} is used with different tools, loads or frames: no one number is right for all"
             )
         made = _pose if found.is_pose else _joints
         new = made(source, name, found, tool, load, setting)
         targets.append(new if near is None else new._replace(near=near))
         begun.add(found.start)
         index[key] = len(targets) - 1
+        framed[index[key]] = frames
         return index[key]
 
     moves = [*_MOVE.finditer(text)]
@@ -213,6 +240,9 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
             index_of = target(match.end())
             motions.append(Motion(KINDS[match[1]], index_of, line, insert=insert))
         above = (match.start(), spans[-1][1] + 1)
+    for i in [i for i, frames in framed.items() if begun.intersection(frames)]:
+        targets[i] = targets[i]._replace(refusal="a frame of its pose_trans is a target, too, whose numbers "
+                                                 "change; expected another variable for the frame")
     points = [name for name, places in assigned.items() if (match := _LITERAL.match(text, places[0]))
               and match[2].count(",") == (5 if match[1] else n - 1)]
     told += unread(sources, [text], points, [*close, *(target.name for target in targets)], [spans])
@@ -357,15 +387,6 @@ def _pose(
             "a pose with an unknown tool: expected set_tcp(p[...]) before it, or --tool x,y,z,rx,ry,rz (m, "
             "rad)"
         )
-    return Target(
-        name,
-        0,
-        source.line(found.start),
-        found.numbers,
-        found.places,
-        DIGITS,
-        is_pose=True,
-        tool=tool if isinstance(tool, Placement) else HERE,
-        load=load if isinstance(load, tuple) else None,
-        refusal=refusal or _unknown(load),
-    )
+    return Target(name, 0, source.line(found.start), found.numbers, found.places, DIGITS, is_pose=True,
+                  tool=tool if isinstance(tool, Placement) else HERE, base=found.base,
+                  load=load if isinstance(load, tuple) else None, refusal=refusal or _unknown(load))

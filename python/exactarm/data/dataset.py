@@ -42,6 +42,7 @@ from exactarm.data.held_samples import without_frozen, without_held
 from exactarm.data.kinds import POSES, data_kinds, kind_of
 from exactarm.data.kinds.base import check_joints, is_a_series
 from exactarm.data.reflectors import with_target
+from exactarm.data.row_marks import RowMarks
 from exactarm.data.rows import NO_CONTACT, Rows, Source, by_name
 from exactarm.data.sensor_rows import with_sensors
 from exactarm.data.split import pose_split, run_split, split_rule
@@ -213,6 +214,11 @@ class _File:
     def get(self, quantity: str) -> np.ndarray | None:
         return self.values.get((quantity, None))
 
+    @property
+    def marks(self) -> RowMarks:
+        place = [numbers for name in POSITION if (numbers := self.get(name)) is not None]
+        return RowMarks.of(np.stack(place, 1) if len(place) == len(POSITION) else None)
+
 
 def _read_file(path: str, robot: Robot, given: Mapping[str, str] | None = None,
                text: Sequence[str] = ()) -> _File:
@@ -301,7 +307,7 @@ def _join(files: Sequence[_File], robot: Robot) -> Dataset:
         contacts={name: mark(name) for name in CONTACTS if (name, None) in first},
         length=stack(("length", None)) if ("length", None) in first else None,
         covariates={key: stack(key) for key in first if isinstance(key, str)}, flange=robot.controller.flange,
-        sources=tuple(Source(file.path, file.table.sha256, file.table.rows) for file in files),
+        sources=tuple(Source(file.path, file.table.sha256, file.table.rows, file.marks) for file in files),
         tilt=vector(TILT), accel=vector(ACCEL), pixel=vector(PIXEL), partner=_side_by_side(partner),
         **{name: mark(name) for name in PICTURE if (PIXEL[0], None) in first})
     angles = {name: data.joints[name] for name in _of_controller(data, robot)}

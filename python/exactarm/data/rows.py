@@ -5,7 +5,7 @@ N rows, n axes of the robot; angles in rad, lengths in m, time in s, torque in N
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Self
@@ -14,17 +14,33 @@ import numpy as np
 
 from exactarm.data.columns import PAYLOAD, PAYLOAD_CENTRE
 from exactarm.data.fixture import Fixture
+from exactarm.data.row_marks import RowMarks
 from exactarm.robot.robot import Placement
 from exactarm.value import Value
 
 
 @dataclass(frozen=True)
 class Source:
-    """One file that was read: as named by the user, SHA-256 of its bytes, data rows (None: not a table)."""
+    """One file that was read: as named by the user, SHA-256 of its bytes, data rows (None: not a table), the
+    marks of its measured positions."""
 
     path: str
     sha256: str
     rows: int | None = None
+    marks: RowMarks = RowMarks()
+
+    @property
+    def entry(self) -> dict[str, str]:
+        """What a robot file keeps of it."""
+        return {"file": self.path, "sha256": self.sha256, **self.marks.entry()}
+
+    def is_file(self, entry: Mapping[str, Any]) -> bool:
+        """Whether it is a file on record, to the byte or row by row."""
+        return entry.get("sha256") == self.sha256 or self.marks.same_rows(entry)
+
+    def shares(self, entry: Mapping[str, Any]) -> bool:
+        """Whether it is, or has rows in common with, a file on record."""
+        return self.is_file(entry) or self.marks.some_rows(entry)
 
 
 def by_name(path: str | Path) -> list[tuple[int, str]]:
@@ -153,6 +169,11 @@ class Rows(Value):
     def fingerprint(self) -> tuple[str, ...]:
         """SHA-256 of the files that it was read from, in their order; empty where no file was read."""
         return tuple(source.sha256 for source in self.sources)
+
+    def is_of(self, entries: Sequence[Mapping[str, Any]]) -> bool:
+        """Whether it was read from the files on record, all of them in their order."""
+        return 0 < len(entries) == len(self.sources) and all(
+            source.is_file(entry) for source, entry in zip(self.sources, entries))
 
     def select(self, rows: np.ndarray) -> Self:
         """The rows of a mask (N,) bool or of an index array."""

@@ -123,11 +123,12 @@ def half_coverage(scores: np.ndarray, seed: int) -> float:
 
 def _judged(robot: Robot, data: Dataset, seed: int) -> tuple[np.ndarray, bool]:
     """Rows that chose nothing: all of data that the robot has not seen, the validation rows of its own."""
-    known = {entry.get("sha256") for entry in robot.record.get("data", []) if isinstance(entry, dict)}
-    own = any(source.sha256 in known for source in data.sources)
-    recorded = robot.record.get("seed", seed)
-    fitted = data.split(int(recorded)) if own else np.zeros(len(data), bool)
-    return np.flatnonzero(~fitted), own
+    known = [entry for entry in robot.record.get("data", []) if isinstance(entry, dict)]
+    if data.is_of(known):
+        return np.flatnonzero(~data.split(int(robot.record.get("seed", seed)))), True
+    shares = [any(map(source.shares, known)) for source in data.sources]
+    fitted = np.array(shares, bool)[data.file_index] if any(shares) else np.zeros(len(data), bool)
+    return np.flatnonzero(~fitted), False  # another selection of rows: how they were split is not known
 
 
 def _evenly(count: int) -> np.ndarray:

@@ -1,9 +1,9 @@
 """Errors of two models of one arm on rows that neither was fitted to.
 
-Which rows were fitted follows from the record of the robot file: files by their SHA-256, the split by its
-seed. Base and tool frame of each session are found anew by rows that do not judge: the fitted ones, else a
-share of the poses. Only where a session has too few poses, the same rows find the frames and judge; a warning
-says so.
+Which rows were fitted follows from the record of the robot file: files by their SHA-256 or the marks of their
+rows (data/row_marks.py), the split by its seed. Base and tool frame of each session are found anew by rows
+that do not judge: the fitted ones, else a share of the poses. Only where a session has too few poses, the
+same rows find the frames and judge; a warning says so.
 """
 
 from __future__ import annotations
@@ -39,6 +39,11 @@ class Rows:
     why: str
     warnings: tuple[str, ...]
     unseen: bool = True
+
+    @property
+    def word(self) -> str:
+        """What to call them."""
+        return "held-out" if self.unseen else "fitted"
 
 
 @dataclass(frozen=True)
@@ -133,11 +138,11 @@ def _fitted(robots: tuple[Robot, ...], data: Dataset, seed: int) -> tuple[np.nda
     if data.identification is not None:
         fitted |= data.identification
     for record in (known for robot in robots for known in fits_on_record(robot)):
-        files = [entry.get("sha256") for entry in record.get("data", ()) if isinstance(entry, Mapping)]
-        known = np.array([sha in files for sha in data.fingerprint], bool)
+        files = [entry for entry in record.get("data", ()) if isinstance(entry, Mapping)]
+        known = np.array([any(map(source.shares, files)) for source in data.sources], bool)
         if not known.any() or data.identification is not None:
             continue
-        if list(data.fingerprint) == files:
+        if data.is_of(files):
             if not isinstance(record.get("seed"), int):
                 warnings.append(
                     f"the robot file does not tell the seed of its split; taken as {seed}, the present one"
@@ -146,9 +151,8 @@ def _fitted(robots: tuple[Robot, ...], data: Dataset, seed: int) -> tuple[np.nda
         else:
             fitted |= known[data.file_index]
             warnings.append(
-                "some of these files were fitted together with others, so their split is not known here: "
-                "all their rows "
-                "count as fitted"
+                "some of these files, or rows of theirs, were fitted together with others, so their split is "
+                "not known here: all their rows count as fitted"
             )
     return fitted, tuple(dict.fromkeys(warnings))
 

@@ -5,7 +5,7 @@ Of a pose that is visited n times, with attained positions p_j, their mean p, an
     AP = |p - c|                       pose accuracy
     l_j = |p_j - p|,  RP = mean l + 3 S_l      pose repeatability (S_l: standard deviation of l, n - 1)
     vAP = max |p_g - p_h|              variation between directions of approach g, h
-    dAP, dRP = max |AP_1 - AP_t|, max |RP_1 - RP_t|     drift over blocks of visits in time
+    dAP, dRP = max |AP_1 - AP_t|, max |RP_1 - RP_t|     drift over blocks in time of visits from one side
     AD = mean D_j - D_c,  RD = 3 S_D   distance accuracy and repeatability, D_j = |p_aj - p_bj| of two poses
 
 All m. c is the model's prediction at the angles that the controller reports, with base and tool frame fitted
@@ -83,8 +83,9 @@ def iso_9283(
 ) -> Iso9283:
     """Of the judged rows: residuals before and after (M, 3) and predicted positions (M, 3) of both models."""
     groups = pose_and_session(data)
-    tests = _pose_tests(data, groups, before, after)
-    directions, drift = _directions(data, groups, before, after), _drift(data, groups, before, after)
+    each = np.unique(np.stack([groups, direction_of_approach(data)], axis=1), axis=0, return_inverse=True)[1]
+    tests = _pose_tests(data, each.ravel(), before, after)
+    directions, drift = _directions(data, groups, before, after), _drift(data, each.ravel(), before, after)
     distances = _distances(data, groups, predicted_before, predicted, seed)
     missing = {}
     if not tests:
@@ -103,7 +104,8 @@ def iso_9283(
         missing["drift of pose accuracy dAP and of repeatability dRP"] = (
             "there is no column `time_s`"
             if data.time is None
-            else f"no pose was visited {2 * DRIFT_BLOCK} times over {DRIFT_SPAN_S / 60.0:g} min"
+            else f"no pose was visited {2 * DRIFT_BLOCK} times from one direction over "
+            f"{DRIFT_SPAN_S / 60.0:g} min"
         )
     if distances is None:
         missing["distance accuracy AD"] = "no session has two different judged poses"
@@ -140,10 +142,9 @@ def members(groups: np.ndarray, least: int) -> list[np.ndarray]:
 
 
 def _pose_tests(
-    data: Dataset, groups: np.ndarray, before: np.ndarray, after: np.ndarray
+    data: Dataset, each: np.ndarray, before: np.ndarray, after: np.ndarray
 ) -> tuple[PoseTest, ...]:
-    direction = direction_of_approach(data)
-    each = np.unique(np.stack([groups, direction], axis=1), axis=0, return_inverse=True)[1].ravel()
+    """each (M,) int: the same pose from the same direction."""
     accuracy = lambda residual, rows: float(np.linalg.norm(residual[rows].mean(axis=0)))
     return tuple(
         PoseTest(
@@ -180,12 +181,13 @@ def _apart(points: np.ndarray) -> float:
 
 
 def _drift(
-    data: Dataset, groups: np.ndarray, before: np.ndarray, after: np.ndarray
+    data: Dataset, each: np.ndarray, before: np.ndarray, after: np.ndarray
 ) -> tuple[float, float, float, float] | None:
+    """Of visits from one direction: what differs between directions is no drift."""
     if data.time is None:
         return None
     found = []
-    for rows in members(groups, 2 * DRIFT_BLOCK):
+    for rows in members(each, 2 * DRIFT_BLOCK):
         rows = rows[np.argsort(data.time[rows], kind="stable")]
         span = float(data.time[rows[-1]] - data.time[rows[0]])
         if span < DRIFT_SPAN_S:
