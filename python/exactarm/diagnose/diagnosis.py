@@ -316,7 +316,8 @@ def _finding(accepted: Accepted, last, declared, place, errors, problem, own_sha
     for name, between in effect.searched_between(last.view).items():
         intervals[names.index(name)] = between
     for k in np.flatnonzero(effect.per_guessed_load(last.view) & free):
-        intervals[k] = with_unknown_load(last.robot, effect.values[k], *intervals[k])
+        weighed = bool(last.robot.mass) or bool(last.view.measured_loads.any())
+        intervals[k] = with_unknown_load(weighed, effect.values[k], *intervals[k])
     covariance = np.zeros((len(effect.values),) * 2)
     covariance[np.ix_(free, free)] = last.fit.covariance[where, where]
     derived = {}

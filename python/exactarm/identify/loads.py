@@ -92,7 +92,8 @@ def guess_line(robot: Robot, data: Dataset) -> str | None:
     total = sum(link.mass for link in robot.links)
     other = "other " if measured.any() else ""
     return (f"the robot file declares no link masses: {other}loads are those of a generic "
-            f"distribution of {total:.3g} kg ({by}); the size of what depends on a load is relative to it: "
+            f"distribution of {total:.3g} kg ({by}); what depends on a load has its size by it, "
+            "and a diagnosis an interval as wide as arms differ: "
             "declare [[links]] or give measured torques to make it absolute")
 
 
