@@ -60,7 +60,8 @@ def test_another_arm_is_asked_for_though_one_that_hardly_turns_fits_better(seed)
     turned = np.linalg.norm(log(data.rotation[0].T @ data.rotation), axis=1)
     with pytest.raises(Mismatch) as raised:
         evaluate_poses(LARGE, data.select(np.flatnonzero(turned < 0.45)[:30]))
-    assert str(with_cause(raised.value)).endswith("is it another robot?")
+    assert str(with_cause(raised.value)).endswith(
+        "is it another robot, or are angles and positions in different orders?")
 
 
 def test_a_coupled_axis_is_told_with_its_line_of_the_robot_file():

@@ -31,10 +31,10 @@ from exactarm.first_aid.misfit import (
     misfit_of,
     rms_searched,
 )
+from exactarm.first_aid.orientation_mistakes import orientation_mistakes
 from exactarm.first_aid.pose_candidates import ANOTHER_SIZE, FARTHEST_SIZE, candidates, scaled, with_angles
 from exactarm.first_aid.suspicion import FALL, Suspicion, in_order
 from exactarm.identify.reach import reach
-from exactarm.numerics.rotation import log as rotation_log
 from exactarm.robot.robot import Placement, Robot
 
 MOST_ROWS = 120  # of a session, evenly spread: a mistake shows in every row
@@ -80,14 +80,7 @@ def pose_mistakes(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -
         geometry = left_by_geometry(bare, carried, data, seed)
         found = [each for each in found if now.position / each.fall < geometry]
     found = found or list(_gross_rows(bare, carried, whole))
-    # positions that an arm may miss by, or that a tenth of the turns would make at a lever of 0.3 m
-    least = max(LEAST_ORIENTATION_RAD, 0.1 * np.nan_to_num(now.orientation))
-    told = now.orientation > LEAST_ORIENTATION_RAD and now.position < 0.3 * least
-    if not found and told and _turns_otherwise(bare, carried, data) > least:
-        found.append(Suspicion(
-            f"the measured orientations do not follow the arm ({now.orientation:.2g} rad RMS beside "
-            f"{1e3 * now.position:.2g} mm): are they angles of another convention, a quaternion in another "
-            "order, or rows shuffled?"))
+    found = found or list(orientation_mistakes(bare, carried, data, now))
     return in_order(found)
 
 
@@ -104,17 +97,6 @@ def _spread_rows(data: Dataset) -> np.ndarray | None:
 def spread(count: int, most: int) -> np.ndarray:
     """At most `most` of `count` rows, at even distances."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))
-
-
-def _turns_otherwise(bare: Robot, carried: Layout, data: Dataset) -> float:
-    """RMS, rad, of the angle between two rows as measured, less that of the arm: no frame changes either."""
-    flange = predict_poses(bare, carried, data, tangents=False).rotation
-    one, other = np.arange(len(data)), np.roll(np.arange(len(data)), len(data) // 2)
-    same = data.session[one] == data.session[other]
-    turned = lambda rotation: np.linalg.norm(rotation_log(
-        np.swapaxes(rotation[one[same]], -1, -2) @ rotation[other[same]]), axis=1)
-    off = turned(data.rotation) - turned(flange)
-    return float(np.sqrt(np.mean(off**2))) if off.size else np.inf
 
 
 # -- mistakes that have a size, or a place in the record ---------------------------------------------

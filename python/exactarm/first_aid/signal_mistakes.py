@@ -195,11 +195,15 @@ def _ranges(robot: Robot, angles: np.ndarray) -> Iterator[Suspicion]:
     if not beyond:
         return
     axes = axes_in_words(i for i, _, _ in beyond)
-    fits = all(low <= np.nanmin(values) and np.nanmax(values) <= high for i, low, high in beyond
-               for values in [_DEGREE * angles[:, i]])
+    within = lambda values, low, high: bool(np.nanmin(values) >= low and np.nanmax(values) <= high)
     largest = max(float(np.nanmax(np.abs(angles[:, i]))) for i, _, _ in beyond)
-    meant = (": are they degrees labelled as radians?" if fits
-             else ": are they motor angles, in another unit, or of another robot?")
+    if largest <= MOST_TURNS and all(within((angles[:, i] - low) % TURN + low, low, high)
+                                     for i, low, high in beyond):
+        meant = ": are they counted over another turn, as 0 to 360 degrees, or from another zero?"
+    elif all(within(_DEGREE * angles[:, i], low, high) for i, low, high in beyond):
+        meant = ": are they degrees labelled as radians?"
+    else:
+        meant = ": are they motor angles, in another unit, from another zero, or of another robot?"
     yield Suspicion(
         f"joint angles of {axes} go to {largest:.3g} rad, far beyond what the axis can turn{meant}")
 
