@@ -200,6 +200,8 @@ def _ranges(robot: Robot, angles: np.ndarray) -> Iterator[Suspicion]:
     if largest <= MOST_TURNS and all(within((angles[:, i] - low) % TURN + low, low, high)
                                      for i, low, high in beyond):
         meant = ": are they counted over another turn, as 0 to 360 degrees, or from another zero?"
+    elif all(within(-angles[:, i], low, high) for i, low, high in beyond):
+        meant = ": are they of the opposite sign?"
     elif all(within(_DEGREE * angles[:, i], low, high) for i, low, high in beyond):
         meant = ": are they degrees labelled as radians?"
     else:
