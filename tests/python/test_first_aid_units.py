@@ -2,6 +2,7 @@
 the others, wrapped angles, clocks that differ, a lost target; and a target that is turned on its flange,
 a wrapped angle of a joint, and a turn more, which are none."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -189,6 +190,16 @@ def test_what_no_candidate_explains_is_said_after_the_calibration(ur10):  # noqa
 
 
 TURNED = Rotation.from_rotvec([0.0, 0.0, np.pi / 2.0]).as_matrix()
+
+
+@pytest.mark.parametrize("axis, degrees", [(2, 30.0), (3, -120.0), (1, 7.0)])
+def test_another_zero_by_any_angle_is_told_with_it(ur10, axis, degrees):  # noqa: F811
+    """By 30 degrees it was refused with "is it another robot?"."""
+    robot, data = ur10
+    part = data.select(np.arange(0, len(data), 20))
+    found = first_aid(robot, column(part, "q", shifted(axis, np.deg2rad(degrees))))
+    assert found and f"another zero of axis {axis + 1} (by {-degrees:+.0f} degrees)" in re.sub(
+        r"\(by ([+-][\d.]+)", lambda by: f"(by {float(by[1]):+.0f}", found[0]), found
 
 
 @pytest.mark.parametrize("change, words", [

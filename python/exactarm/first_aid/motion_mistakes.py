@@ -168,6 +168,7 @@ def _other_clock(model: Model, samples: MotionSamples, now: Explained) -> Iterat
     """The torques lag behind the angles, or were logged by a clock that drifts."""
     since = samples.time - samples.logged_time[0]
     most, found = _MOST_LAG * float(since[-1]), []
+    step = float(np.median(np.diff(samples.logged_time)))
     shapes = [(np.ones_like(since), _LAGS_S), (since, _DRIFTS)]
     if samples.since[-1] < _LAST_RUN * since[-1]:  # of several runs: clocks that begin together in each
         shapes.append((samples.since, _DRIFTS))
@@ -194,7 +195,11 @@ def _other_clock(model: Model, samples: MotionSamples, now: Explained) -> Iterat
             words += " in each run" if shape is samples.since else ""
         else:
             words = f"the torques logged {abs(best):.2g} s {'later' if best > 0.0 else 'earlier'}"
-        found.append((left(best), Suspicion(words, fall(now, late(best)))))
+        # interpolation alone takes noise away: as much of it without whole samples is what to compare with
+        within = best * shape - step * np.round(best * shape / step)
+        interpolated = model(samples.with_torques_of(within))
+        better = min(fall(now, late(best)), fall(interpolated, late(best)))
+        found.append((left(best), Suspicion(words, better)))
     if found and (best := min(found, key=lambda pair: pair[0]))[1].fall:
         yield best
 
