@@ -14,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from exactarm.commands.arguments import available_cores
+from exactarm.commands.arguments import available_cores, require_bounded
 from exactarm.commands.outcome import Asked
 from exactarm.commands.plain import sha256
 from exactarm.data.columns import PAYLOAD
@@ -105,6 +105,7 @@ def arguments_of(add_arguments: Callable[[argparse.ArgumentParser], None], robot
             close = difflib.get_close_matches(name, free, n=1)
             raise InputError(f"no option {name!r}; expected "
                              f"{close[0] if close else 'one of ' + ', '.join(sorted(free))}")
+    require_bounded(options)
     for action in parser._actions:
         if action.dest in options and action.choices is not None and options[action.dest] is not None:
             require_choice(action.dest, options[action.dest], tuple(action.choices))
