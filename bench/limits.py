@@ -108,7 +108,7 @@ CASES = {
     "calibrate": (("calibrate", "ur10"), poses, (1000, 4000, 16000, 100000)),
     "diagnose poses": (("diagnose", "ur10"), poses, (500, 100000)),
     "certify": (("certify", "ur10"), poses, (1000, 10000, 100000)),
-    "check": (("check", "ur10"), two_days, (100, 1000, 10000)),
+    "check": (("check", "ur10"), two_days, (100, 400, 1000)),
     "identifiable": (("identifiable", "ur10"), poses, (1000, 10000)),
     "identify": (("identify", "tx40"), motion, (45000, 180000, 720000)),
     "gear": (("gear", "kr300"), gear, (2500, 25000, 250000)),

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import textwrap
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -72,14 +73,22 @@ def run(package, *words):
     return cli.main([str(word) for word in words], package)
 
 
+PATIENCE_S = 600.0  # of a loaded machine
+
+
+@contextmanager
 def child(package, out, *words):
-    """The same in a process of its own."""
+    """The same in a process of its own, which does not outlive its test."""
     source = Path(cli.__file__).parents[1]
     path = os.pathsep.join([str(source), str(out.parent), os.environ.get("PYTHONPATH", "")])
     program = f"import sys; from exactarm.cli import main; sys.exit(main(package={package!r}))"
-    return subprocess.Popen([sys.executable, "-c", program, "weigh", "nobody", "--out", str(out), *words],
-                            env=os.environ | {"PYTHONPATH": path}, text=True,
-                            stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    with subprocess.Popen([sys.executable, "-c", program, "weigh", "nobody", "--out", str(out), *words],
+                          env=os.environ | {"PYTHONPATH": path}, text=True,
+                          stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
 
 
 def test_a_run_writes_everything_and_says_the_verdict_first(package, tmp_path, capsys):
@@ -169,12 +178,11 @@ def test_a_file_in_place_of_the_folder_is_bad_input(package, tmp_path, capsys):
 def test_a_killed_run_leaves_no_result_not_even_an_old_one(package, tmp_path, number, code):
     out = tmp_path / "out"
     assert run(package, "weigh", "nobody", "--out", out, "--quiet") == 0
-    process = child(package, out, "--fail", "hang")
-    deadline = time.monotonic() + 30.0
-    while (out / "result.json").exists() and time.monotonic() < deadline:
-        time.sleep(0.02)
-    process.send_signal(number)
-    _, errors = process.communicate(timeout=30)
+    with child(package, out, "--fail", "hang") as process:
+        while (out / "result.json").exists() and process.poll() is None:
+            time.sleep(0.02)
+        process.send_signal(number)
+        _, errors = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == code
     assert not (out / "result.json").exists()
     if number != signal.SIGKILL:

@@ -42,7 +42,7 @@ def run(command: str, folder: Path, out: Path, program: list[str], threads: int,
     words[words.index("--threads") + 1] = str(threads)
     return subprocess.run(
         [sys.executable, *program, *words], env=environment(PACKAGE, folder) | variables, text=True,
-        capture_output=True, timeout=600,
+        capture_output=True, timeout=1800,
     )
 
 

@@ -73,3 +73,12 @@ def test_the_same_path_at_another_speed_is_what_the_core_says_of_it():
         core = Motion(robot, motion.q, rate, acceleration, clock=speed)
         np.testing.assert_allclose(other.links, core.links, atol=1e-14 * np.abs(core.links).max())
         np.testing.assert_allclose(other.grams, core.grams, atol=1e-13 * np.abs(core.grams).max())
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_noise_that_interpolation_takes_away_is_no_clock(seed):
+    """Torques of any drifting clock are interpolated, and so have less noise: all three were suspected."""
+    data = log_of(true_arm(seed + 3), 9.0, seed, 50.0)
+    torque = data.joints["tau"]
+    noise = np.random.default_rng(seed).normal(0.0, 0.03 * np.abs(torque).max(axis=0), torque.shape)
+    assert said(six_axis(), replace(data, joints=data.joints | {"tau": torque + noise})) == ""

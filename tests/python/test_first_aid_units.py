@@ -2,15 +2,18 @@
 the others, wrapped angles, clocks that differ, a lost target; and a target that is turned on its flange,
 a wrapped angle of a joint, and a turn more, which are none."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from exactarm.first_aid.clock_drift import lags
 from exactarm.first_aid.first_aid import first_aid
 from exactarm.identify.calibrate import calibrate
 from exactarm.identify.evaluate import evaluate_poses
+from exactarm.identify.match import Mismatch
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, measure_poses
 from exactarm.simulate.profiles import limit
@@ -184,3 +187,60 @@ def test_what_no_candidate_explains_is_said_after_the_calibration(ur10):  # noqa
     data = data.select(np.arange(0, len(data), 10))
     told = lambda d: [line for line in calibrate(robot, d).warnings if "are left after calibration" in line]
     assert told(data) == [] and len(told(column(data, "q", lambda q: np.round(q, 1)))) == 1
+
+
+TURNED = Rotation.from_rotvec([0.0, 0.0, np.pi / 2.0]).as_matrix()
+
+
+@pytest.mark.parametrize("axis, degrees", [(2, 30.0), (3, -120.0), (1, 7.0)])
+def test_another_zero_by_any_angle_is_told_with_it(ur10, axis, degrees):  # noqa: F811
+    """By 30 degrees it was refused with "is it another robot?"."""
+    robot, data = ur10
+    part = data.select(np.arange(0, len(data), 20))
+    found = first_aid(robot, column(part, "q", shifted(axis, np.deg2rad(degrees))))
+    assert found and f"another zero of axis {axis + 1} (by {-degrees:+.0f} degrees)" in re.sub(
+        r"\(by ([+-][\d.]+)", lambda by: f"(by {float(by[1]):+.0f}", found[0]), found
+
+
+@pytest.mark.parametrize("change, words", [
+    (lambda rotation: TURNED @ rotation,
+     "with orientations that count from axes turned by 90 degrees about (0, 0, -1) against x, y, z"),
+    (lambda rotation: quaternions(rotation, [0, 3, 1, 2]), "that count from axes turned by 120 degrees"),
+    (lambda rotation: np.swapaxes(TURNED @ rotation, 1, 2), "that count from axes turned by 132 degrees"),
+])
+def test_orientations_in_other_axes_than_positions_are_told(ur10, change, words):  # noqa: F811
+    """They went through without a word, or tore the positions off by half a metre."""
+    robot, data = ur10
+    part = data.select(np.arange(0, len(data), 20))
+    found = first_aid(robot, replace(part, rotation=change(part.rotation)))
+    assert found and words in found[0], found
+
+
+def quaternions(rotation, order):
+    w_first = Rotation.from_matrix(rotation).as_quat()[:, [3, 0, 1, 2]][:, order]
+    return Rotation.from_quat(w_first[:, [1, 2, 3, 0]]).as_matrix()
+
+
+def test_orientations_of_poses_on_a_line_are_not_suspected_of_other_axes(ur10):  # noqa: F811
+    """Where points lie on a line, positions do not know how the base is turned about it."""
+    robot, data = ur10
+    part = data.select(np.arange(12))
+    rotation = np.random.default_rng(1).permutation(part.rotation)
+    position = part.position[0] + np.outer(np.arange(12), [1e-4, 0.0, 0.0])
+    found = first_aid(robot, replace(part, position=position, rotation=rotation))
+    assert not any("count from axes" in line for line in found)
+
+
+def test_angles_over_another_turn_are_no_degrees(ur10):  # noqa: F811
+    robot, data = ur10
+    wrist = replace(robot.joints[5], q_min=-np.pi, q_max=np.pi)
+    robot, part = replace(robot, joints=(*robot.joints[:5], wrist)), data.select(np.arange(0, len(data), 20))
+    found = first_aid(robot, column(part, "q", shifted(5, 2.0 * np.pi)))
+    assert found == (found[0],) and "as 0 to 360 degrees" in found[0], found
+
+
+def test_a_refusal_names_an_axis_that_never_moves(ur10):  # noqa: F811
+    robot, data = ur10
+    part = data.select(np.arange(0, len(data), 20))
+    with pytest.raises(Mismatch, match=r"not measured \(axis 2 never moves\)"):
+        evaluate_poses(robot, column(part, "q", scaled(1, 0.0)))

@@ -10,6 +10,9 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from exactarm import cli
+from exactarm.commands.execute import parse
+from exactarm.commands.listing import import_command
 from exactarm.errors import InputError
 from exactarm.files.whole_number import whole_number
 from robustness.samples import samples
@@ -46,3 +49,14 @@ def test_a_hostile_number_is_read_or_refused(valid, name, tmp_path):
 ])
 def test_a_whole_number_is_digits_alone(text, number):
     assert whole_number(text) == number
+
+
+@pytest.mark.parametrize("words", [
+    ["--counts", "9" * 400], ["--visits", "-" + "9" * 30], ["--seed", "9" * 30],
+])
+def test_a_number_of_an_option_beyond_64_bits_is_refused_by_the_name_of_the_option(words, tmp_path, capsys):
+    """--counts of 400 digits was a fault in exactarm."""
+    assert cli.main(["simulate", "ur10", "--out", str(tmp_path / "out"), *words]) == 2
+    assert capsys.readouterr().err.startswith(f"exactarm: error: argument {words[0]}: a number of ")
+    with pytest.raises(InputError, match=f"argument {words[0]}"):
+        parse(import_command("simulate"), ["ur10", "--out", "out", *words])

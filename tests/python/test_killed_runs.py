@@ -5,6 +5,8 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -24,12 +26,21 @@ KILLS, SEED = 5, 4  # moments; EXACTARM_KILLS=200 for a night
 LONGEST_S = 3.0  # about what the command takes
 
 
-def started(out: Path, data: str) -> subprocess.Popen:
+PATIENCE_S = 600.0  # of a loaded machine
+
+
+@contextmanager
+def started(out: Path, data: str) -> Iterator[subprocess.Popen]:
+    """A run that does not outlive its test."""
     words = [sys.executable, "-m", "exactarm", "evaluate", "ur10", data, "--out", str(out), "--quiet",
              "--threads", "1"]
     paths = {"PYTHONPATH": str(Path(cli.__file__).parents[1]), "OMP_NUM_THREADS": "1"}
-    return subprocess.Popen(words, env=os.environ | paths, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-                            text=True)
+    with subprocess.Popen(words, env=os.environ | paths, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
+                          text=True) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
 
 
 def whole(out: Path) -> bool:
@@ -41,9 +52,8 @@ def whole(out: Path) -> bool:
 @pytest.fixture(scope="module")
 def out(tmp_path_factory):
     folder = tmp_path_factory.mktemp("killed") / "out"
-    process = started(folder, DATA[0])
-    assert process.wait(120) == 0 and whole(folder)
-    process.stderr.close()
+    with started(folder, DATA[0]) as process:
+        assert process.wait(PATIENCE_S) == 0 and whole(folder)
     return folder
 
 
@@ -51,25 +61,21 @@ def out(tmp_path_factory):
 def test_a_run_killed_at_any_moment_leaves_a_whole_result_or_none(out):
     random = np.random.default_rng(SEED)
     for number in range(int(os.environ.get("EXACTARM_KILLS", KILLS))):
-        process = started(out, DATA[number % 2])
-        time.sleep(random.uniform(0.0, LONGEST_S))
-        process.kill()
-        process.wait()
-        process.stderr.close()
+        with started(out, DATA[number % 2]):
+            time.sleep(random.uniform(0.0, LONGEST_S))
         whole(out)
-    process = started(out, DATA[0])
-    assert process.wait(120) == 0 and whole(out)
-    process.stderr.close()
+    with started(out, DATA[0]) as process:
+        assert process.wait(PATIENCE_S) == 0 and whole(out)
     assert not (out / ".partial").exists()
 
 
 @pytest.mark.slow
 def test_of_two_runs_into_one_folder_one_is_refused(out):
-    pair = [started(out, data) for data in DATA]
     codes, said = [], []
-    for process in pair:
-        said.append(process.communicate(timeout=120)[1])
-        codes.append(process.returncode)
+    with started(out, DATA[0]) as first, started(out, DATA[1]) as second:
+        for process in (first, second):
+            said.append(process.communicate(timeout=PATIENCE_S)[1])
+            codes.append(process.returncode)
     assert whole(out)
     assert sorted(codes) in ([0, 2], [0, 0])  # both, where the machine ran them one after the other
     assert all(("another run is writing here" in text) == (code == 2) for code, text in zip(codes, said))

@@ -13,7 +13,7 @@ from exactarm.commands.diagnose import diagnose
 from exactarm.commands.evaluate import evaluate
 from exactarm.commands.identify import identify
 from exactarm.commands.plain import plain
-from exactarm.data.dataset import read_dataset, write_dataset
+from exactarm.data.dataset import read_dataset, read_planned_poses, write_dataset
 from exactarm.files.examples import data_path
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, measure_poses
@@ -126,8 +126,10 @@ def test_the_order_of_files_means_nothing(two_files, command):
         assert pd.DataFrame(table).equals(pd.DataFrame(other.tables[name]))
 
 
-def test_files_are_read_in_the_order_of_their_numbers(two_files):
-    data = read_dataset(two_files[::-1], load_robot("ur10"))
+@pytest.mark.parametrize("read", [read_dataset, read_planned_poses])
+def test_files_are_read_in_the_order_of_their_numbers(two_files, read):
+    """Planned poses were read in the order given: `identifiable` had other last digits."""
+    data = read(two_files[::-1], load_robot("ur10"))
     assert [source.path for source in data.sources] == [str(path) for path in two_files]
 
 

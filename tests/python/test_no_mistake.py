@@ -60,7 +60,8 @@ def test_another_arm_is_asked_for_though_one_that_hardly_turns_fits_better(seed)
     turned = np.linalg.norm(log(data.rotation[0].T @ data.rotation), axis=1)
     with pytest.raises(Mismatch) as raised:
         evaluate_poses(LARGE, data.select(np.flatnonzero(turned < 0.45)[:30]))
-    assert str(with_cause(raised.value)).endswith("is it another robot?")
+    assert str(with_cause(raised.value)).endswith(
+        "is it another robot, or are angles and positions in different orders?")
 
 
 def test_a_coupled_axis_is_told_with_its_line_of_the_robot_file():
@@ -71,3 +72,12 @@ def test_a_coupled_axis_is_told_with_its_line_of_the_robot_file():
     reported[:, 2] -= q[:, 1]  # as a controller that counts axis 3 from the horizon
     data = replace(data, joints={"q": reported})
     assert "`coupling = [[3, 2, 1.0]]` under `[controller]`" in first_aid(arm, data)[0]
+
+
+def test_a_mirrored_device_is_named_beside_the_signs_that_mean_the_same():
+    """A wrist in one plane with the base: signs of axes 1, 4 and 6 are a mirror image."""
+    rng = np.random.default_rng(3)
+    q = rng.uniform(-1.2, 1.2, (40, 6)) + DEGREE * np.array([0, 20, -30, 0, 40, 0])
+    data = measured(SMALL, [at_random_place(SMALL, rng)], [q], 3e-5, rng)
+    [found] = first_aid(SMALL, replace(data, position=data.position * [1.0, -1.0, 1.0]))
+    assert "the opposite sign of axes 1, 4 and 6, or one of x, y, z with the opposite sign" in found

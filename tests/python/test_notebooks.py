@@ -22,5 +22,5 @@ def test_a_notebook_runs(path):
     nbformat = pytest.importorskip("nbformat", reason="needs the package nbformat")
     nbclient = pytest.importorskip("nbclient", reason="needs the package nbclient")
     book = nbformat.read(path, as_version=4)
-    nbclient.NotebookClient(book, timeout=300, kernel_name="python3").execute()
+    nbclient.NotebookClient(book, timeout=1800, kernel_name="python3").execute()
     assert any(cell.get("outputs") for cell in book.cells)

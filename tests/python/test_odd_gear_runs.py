@@ -116,3 +116,18 @@ def test_lost_samples_are_no_other_ratio_and_no_other_clock(gyro_runs, share):
     robot, data = gyro_runs
     kept = np.random.default_rng(6).random(len(data)) > share
     assert first_aid(robot, data.select(kept)) == first_aid(robot, data) == ()
+
+
+def test_a_gyroscope_that_never_changes_is_told(gyro_runs):
+    """It divided by zero."""
+    robot, data = gyro_runs
+    still = replace(data, gyro=np.zeros_like(data.gyro))
+    assert "the gyroscope reads the same in every row" in first_aid(robot, still)[0]
+
+
+@pytest.mark.parametrize("name", ["q", "theta"])
+def test_a_side_of_a_gear_that_never_changes_is_told(kr300, name):  # noqa: F811
+    robot, data = kr300
+    values = np.where(np.arange(6) == 0, 0.1, data.joints[name])
+    said = first_aid(robot, replace(data, joints=data.joints | {name: values}))
+    assert any(f"{name}_1 is the same in every row" in line for line in said), said

@@ -21,7 +21,7 @@ def page(tmp_path_factory):
 
 
 def browser(*words):
-    done = subprocess.run([BROWSER, *FLAGS, *words], capture_output=True, timeout=120)
+    done = subprocess.run([BROWSER, *FLAGS, *words], capture_output=True, timeout=600)
     assert done.returncode == 0, done.stderr[-500:]
 
 

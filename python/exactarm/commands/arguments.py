@@ -2,11 +2,13 @@
 
 import argparse
 import os
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
+from typing import Any
 
 from exactarm.data.kinds import KIND_NAMES
 from exactarm.data.split import DEFAULT_SEED
+from exactarm.errors import InputError
 from exactarm.files.examples import file_or_example
 
 
@@ -67,6 +69,15 @@ def add_common(parser: argparse.ArgumentParser, unused: Collection[str] = ()) ->
                        help=shown("threads", "most threads to use (default: all cores, here %(default)s)"))
     group.add_argument("--quiet", action="store_true", help="print nothing but errors")
     group.add_argument("--debug", action="store_true", help="print the traceback of an error")
+
+
+def require_bounded(values: Mapping[str, Any]) -> None:
+    """Whole numbers of options fit into 64 bits: beyond, no count is meant, and none becomes a float."""
+    for name, value in values.items():
+        for each in value if isinstance(value, (list, tuple)) else [value]:
+            if isinstance(each, int) and abs(each) >= 2**63:
+                raise InputError(f"argument --{name.replace('_', '-')}: a number of {len(f'{each:x}')} "
+                                 "hexadecimal digits; expected at most 64 bits")
 
 
 def available_cores() -> int:

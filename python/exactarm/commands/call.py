@@ -17,7 +17,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from exactarm.commands.arguments import available_cores
+from exactarm.commands.arguments import available_cores, require_bounded
 from exactarm.commands.outcome import Asked
 from exactarm.commands.plain import sha256
 from exactarm.data.columns import PAYLOAD
@@ -118,6 +118,7 @@ def arguments_of(add_arguments: Callable[[argparse.ArgumentParser], None], robot
         if (choices := free[name].choices) is not None:
             require_choice(name, value, tuple(choices))
         words += _words(free[name], value)
+    require_bounded(options)
     known = vars(parser.parse_args(["robot", *map(str, files), *words]))
     return argparse.Namespace(**(known | objects | {"robot": robot}))
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from exactarm._core import InvalidArgument
-from exactarm.commands.arguments import add_common
+from exactarm.commands.arguments import add_common, require_bounded
 from exactarm.commands.outcome import Asked
 from exactarm.commands.output import OutputFolder, may_write
 from exactarm.commands.publish import Published, publish, sources
@@ -54,6 +54,7 @@ def parse(module: Any, words: Sequence[str]) -> argparse.Namespace:
     parser = parser_of(module)
     parser.words = words
     arguments = parser.parse_intermixed_args(list(words))
+    require_bounded(vars(arguments))
     arguments.line = shlex.join(["exactarm", module.NAME,
                                  *_open(words, getattr(module, "HIDDEN_OPTIONS", ()))])
     return arguments

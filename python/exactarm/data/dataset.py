@@ -113,7 +113,7 @@ def read_planned_poses(paths: str | Path | Sequence[str | Path], robot: Robot) -
 def read_targets(paths: str | Path | Sequence[str | Path], robot: Robot,
                  columns: Mapping[str, str] | None = None) -> Dataset:
     """Poses that are to be reached: joint angles, or x, y, z, or both. columns: as in `read_dataset`."""
-    paths = [paths] if isinstance(paths, (str, Path)) else list(paths)
+    paths = [paths] if isinstance(paths, (str, Path)) else sorted(paths, key=by_name)
     files = [_read_file(str(path), robot, columns) for path in paths]
     _check_files(files)
     return replace(_join(files, robot), kind=POSES.name, kinds=(POSES.name,))

@@ -102,7 +102,7 @@ def _places(n: int) -> tuple[np.ndarray, ...]:
 class MotionSamples:
     """motion and torque (N, n) of the output sides on some rows; the scale of the columns of the file over
     the output side (n,), of angles and of torques; time (N,) of these rows, and logged_time (M,) of all
-    torques, logged (M, n); s, one run behind the other."""
+    torques, logged (M, n); s, one run behind the other; since (N,): s since its run began."""
 
     motion: Motion
     torque: np.ndarray
@@ -111,6 +111,7 @@ class MotionSamples:
     time: np.ndarray
     logged_time: np.ndarray
     logged: np.ndarray
+    since: np.ndarray
     carried: np.ndarray | None = None  # (N, 10) inertial parameters of the declared payload, frame n
 
     def with_angles(self, change: Callable[[np.ndarray], np.ndarray]) -> MotionSamples:
@@ -221,14 +222,16 @@ def samples_of(robot: Robot, data: Dataset, most: int = MOST_ROWS,
     record = motion_record(robot, data.select(rows), bandwidth_hz, _ROWS_SHARE)
     inside, kept = np.flatnonzero(record.inside), np.flatnonzero(record.keep)
     kept = kept[np.unique(np.linspace(0, kept.size - 1, min(kept.size, most)).astype(int))]
-    output = lambda values: values[kept] / robot.ratios
+    output, since = lambda values: values[kept] / robot.ratios, np.zeros(len(record.inside))
+    for run in record.runs:
+        since[run] = record.step * np.arange(len(run))
     ones = np.ones(robot.axes)
     return MotionSamples(Motion(robot, output(record.theta) + robot.offsets, output(record.theta_dot),
                                 output(record.theta_ddot)),
                          record.torque[kept],
                          robot.ratios if "theta" in data.joints else ones,
                          ones if "tau" in data.joints else robot.controller_ratios,
-                         record.step * kept, record.step * inside, record.torque[inside],
+                         record.step * kept, record.step * inside, record.torque[inside], since[kept],
                          carried_bodies(record.data.select(kept)) if data.payload is not None else None)
 
 

@@ -15,12 +15,18 @@ from exactarm.errors import InputError
 from exactarm.first_aid.camera_mistakes import camera_mistakes
 from exactarm.first_aid.gear_mistakes import gear_mistakes
 from exactarm.first_aid.load_mistakes import load_mistakes
+from exactarm.first_aid.lone_readings import lone_readings
 from exactarm.first_aid.motion_mistakes import motion_mistakes
 from exactarm.first_aid.odd_rows import odd_rows
 from exactarm.first_aid.odd_runs import odd_runs
 from exactarm.first_aid.pose_mistakes import pose_mistakes
 from exactarm.first_aid.ratio_mistakes import ratio_mistakes
-from exactarm.first_aid.signal_mistakes import cell_mistakes, column_mistakes, limit_mistakes, repeated_rows
+from exactarm.first_aid.signal_mistakes import (
+    cell_mistakes,
+    column_mistakes,
+    limit_mistakes,
+    repeated_rows,
+)
 from exactarm.first_aid.suspicion import Suspicion, in_order
 from exactarm.first_aid.touch_mistakes import touch_mistakes
 from exactarm.first_aid.tracked_mistakes import tracked_mistakes
@@ -36,17 +42,18 @@ def first_aid(robot: Robot, data: Dataset, placed: bool = False) -> tuple[str, .
     placed: base and tool are known from other data, which judge better where these belong.
     """
     found: list[Suspicion] = []
+    alone, cleaned = lone_readings(robot, data)
     for kind in data.kinds:
         for check in _CHECKS.get(kind, ()):
             if (placed and check is _poses) or not (robot.has_geometry or check is gear_mistakes):
                 continue
             try:
-                found += check(robot, data)[:1]
+                found += check(robot, cleaned)[:1]
             except InputError:  # what the command itself refuses, it says itself
                 continue
     # What a column shows by itself is certain; what explains the data tells more than a limit that is passed.
     found = list(column_mistakes(robot, data)) or found or list(limit_mistakes(robot, data))
-    found = [*cell_mistakes(data), *repeated_rows(data), *found]
+    found = [*(list(cell_mistakes(data)) or alone), *repeated_rows(data), *found]
     return tuple(dict.fromkeys(suspicion.text for suspicion in found))
 
 

@@ -17,7 +17,15 @@ from scipy.optimize import minimize_scalar
 from exactarm import _core
 from exactarm.chain.motion_record import default_bandwidth
 from exactarm.data.dataset import Dataset
-from exactarm.first_aid.drive_model import Explained, Model, MotionSamples, alone, samples_of
+from exactarm.first_aid.drive_model import (
+    Explained,
+    Model,
+    MotionSamples,
+    alone,
+    dry_friction_of,
+    samples_of,
+    torque_sizes,
+)
 from exactarm.first_aid.signal_mistakes import LONG_STEP_S
 from exactarm.first_aid.suspicion import FALL, Suspicion, in_order
 from exactarm.identify.reach import reach
@@ -36,16 +44,19 @@ _TIMES = (0.4, 0.6, 0.8, 1.2, 1.5, 2.0, 3.0)  # by which all times could be too 
 _MUCH_BETTER = 2.0  # times in the product of shares: another robot is free to fit, and said last
 _LEAST_TIME = 1.1  # model errors of good data ask for 0.95 (the TX40, and an arm with every mass 30 % off)
 _REFINED = 12  # evaluations around the best of those
+_LAST_RUN = 0.8  # of the log: more is one run
 _MOST_LAG = 0.1  # of the log: what is left to compare overlaps
 # Another robot must explain half of the axes so much better: a cause that is missing sits in one or two.
 # Of 13 blind racers (bench/blind, wide motions 73400 to 73415 and 94102) under their own file none fell so in
 # more than two axes; of 26 pairs under another robot's file 16 are told.
 _ROBOT_FALL, _LEAST_OF_A_ROBOT = 1.3, 0.5
 _CERTAIN_FRICTION = 0.03  # share of an axis' torque that its friction takes
-_LEAST_OF_DECLARED, _MOST_OF_DECLARED = (
-    1.0 / 3.0,
-    10.0,
-)  # masses are declared better than that; friction and payload come on top
+# masses are declared better than that; beyond, a payload comes on top
+_LEAST_OF_DECLARED, _MOST_OF_DECLARED = 1.0 / 3.0, 10.0
+UNITS = {"mNm": 1e-3, "kNm": 1e3, "N cm": 1e-2, "kgf m": 9.80665, "kgf cm": 0.0980665, "lbf ft": 1.355818,
+         "lbf in": 0.1129848, "ozf in": 7.061552e-3}  # Nm
+_LEAST_SHARE = 0.7  # axes that hardly feel the masses may fit a little worse
+_NEAR_A_UNIT = 0.05, 0.3  # of ln: of a unit near Nm, and of others
 # 99 % of the largest torque over reach^3, Nm/m^3: six shipped and simulated arms lie between 20 and 400, and
 # arms of one build go with the cube
 _LEAST_LOAD_NM_M3, _MOST_LOAD_NM_M3 = 0.5, 5000.0
@@ -88,8 +99,10 @@ def fall(now: Explained, other: Explained) -> float:
     """How many times smaller the share of the axis that gains most would be; 0: no better explanation."""
     falls = now.shares / np.maximum(other.shares, 1e-9)
     most, product = float(falls.max()), float(np.prod(falls))
-    drives = np.sum(other.friction < -_CERTAIN_FRICTION) > np.sum(now.friction < -_CERTAIN_FRICTION)
-    if drives or falls.min() < 1.0 / _NOT_WORSE or (most < FALL and product < _ALL_AXES_FALL):
+    drives, drove = (np.sum(each.friction < -_CERTAIN_FRICTION) for each in (other, now))
+    # where friction still drives, little is explained
+    little = most < FALL and (product < _ALL_AXES_FALL or drives)
+    if drives > drove or falls.min() < 1.0 / _NOT_WORSE or little:
         return 0.0
     return most
 
@@ -155,7 +168,11 @@ def _other_clock(model: Model, samples: MotionSamples, now: Explained) -> Iterat
     """The torques lag behind the angles, or were logged by a clock that drifts."""
     since = samples.time - samples.logged_time[0]
     most, found = _MOST_LAG * float(since[-1]), []
-    for shape, tried in ((np.ones_like(since), _LAGS_S), (since, _DRIFTS)):
+    step = float(np.median(np.diff(samples.logged_time)))
+    shapes = [(np.ones_like(since), _LAGS_S), (since, _DRIFTS)]
+    if samples.since[-1] < _LAST_RUN * since[-1]:  # of several runs: clocks that begin together in each
+        shapes.append((samples.since, _DRIFTS))
+    for shape, tried in shapes:
         @cache
         def late(size: float, shape: np.ndarray = shape) -> Explained:
             return model(samples.with_torques_of(size * shape))
@@ -163,21 +180,26 @@ def _other_clock(model: Model, samples: MotionSamples, now: Explained) -> Iterat
         left = lambda size, late=late: float(np.prod(late(size).shares))
 
         grid = [sign * size for size in tried for sign in (1.0, -1.0)
-                if _LAGS_S[0] <= size * shape[-1] <= most]
+                if _LAGS_S[0] <= size * shape.max() <= most]
         if not grid:
             continue
         near = min(grid, key=left)
-        around = sorted((0.3 * near, np.sign(near) * min(2.0 * abs(near), most / shape[-1])))
+        around = sorted((0.3 * near, np.sign(near) * min(2.0 * abs(near), most / shape.max())))
         best = float(minimize_scalar(left, bounds=around, method="bounded", options={"maxiter": _REFINED}).x)
         best = min(near, best, key=left)
-        if abs(best * shape[-1]) < _LAGS_S[0]:
+        if abs(best * shape.max()) < _LAGS_S[0]:
             continue
-        if shape is since:
+        if shape is not shapes[0][0]:
             way = "slower" if best > 0.0 else "faster"
             words = f"torques of a clock that runs {1e2 * abs(best):.2g} % {way} than that of the angles"
+            words += " in each run" if shape is samples.since else ""
         else:
             words = f"the torques logged {abs(best):.2g} s {'later' if best > 0.0 else 'earlier'}"
-        found.append((left(best), Suspicion(words, fall(now, late(best)))))
+        # interpolation alone takes noise away: as much of it without whole samples is what to compare with
+        within = best * shape - step * np.round(best * shape / step)
+        interpolated = model(samples.with_torques_of(within))
+        better = min(fall(now, late(best)), fall(interpolated, late(best)))
+        found.append((left(best), Suspicion(words, better)))
     if found and (best := min(found, key=lambda pair: pair[0]))[1].fall:
         yield best
 
@@ -217,19 +239,45 @@ def _other_robot(robot: Robot, data: Dataset, now: Explained) -> Iterator[Rival]
 
 
 def _units(robot: Robot, samples: MotionSamples) -> Iterator[Suspicion]:
-    """Torques far from what declared masses, or an arm of this size, can ask for."""
-    torque = float(np.quantile(np.abs(samples.torque), 0.99, axis=0).max())
+    """Torques that declared masses, or an arm of this size, cannot ask for."""
     if robot.links is not None and sum(link.mass for link in robot.links) > 0.0:
-        rigid = _core.inverse_dynamics(robot.core, *samples.motion.arrays)
-        declared = float(np.quantile(np.abs(rigid), 0.99, axis=0).max())
-        share = torque / max(declared, 1e-12)
-        if not _LEAST_OF_DECLARED < share < _MOST_OF_DECLARED:
-            yield Suspicion(
-                f"the torques are {share:.2g} times those of the declared masses: are they in another unit "
-                "(mNm, N cm), at the motor's shaft, or is it the file of another arm?")
+        yield from _units_of_masses(robot, samples)
         return
-    size = reach(robot)
+    torque, size = float(np.quantile(np.abs(samples.torque), 0.99, axis=0).max()), reach(robot)
     if size > 0.0 and not _LEAST_LOAD_NM_M3 < torque / size**3 < _MOST_LOAD_NM_M3:
         yield Suspicion(
             f"torques of {torque:.3g} Nm at an arm that reaches {size:.2g} m: are they in another unit (mNm, "
             "N cm), or at the motor's shaft?")
+
+
+def _units_of_masses(robot: Robot, samples: MotionSamples) -> Iterator[Suspicion]:
+    """One factor of all torques, beside rotors, friction and constants of every axis. A unit near Nm is told
+    only where the torques of two axes then follow the declared masses, which may be off by as much."""
+    share, _ = _of_declared(robot, samples)
+    unit, factor = min(UNITS.items(), key=lambda pair: abs(np.log(max(share, 1e-12) * pair[1])))
+    near = _NEAR_A_UNIT[0 if _LEAST_OF_DECLARED < factor < 1.0 / _LEAST_OF_DECLARED else 1]
+    if not robot.generic_masses and abs(np.log(max(share, 1e-12) * factor)) < near:
+        falls = _of_declared(robot, samples, 1.0)[1] / _of_declared(robot, samples, 1.0 / factor)[1]
+        if falls.min() > _LEAST_SHARE and np.sum(falls > FALL) >= min(2, robot.axes):
+            yield Suspicion(f"{unit} labelled as Nm", float(falls.max()))
+            return
+    if not _LEAST_OF_DECLARED < share < _MOST_OF_DECLARED:
+        yield Suspicion(
+            f"the torques are {share:.2g} times those of the declared masses: are they in another unit "
+            "(mNm, N cm), at the motor's shaft, or is it the file of another arm?")
+
+
+def _of_declared(robot: Robot, samples: MotionSamples,
+                 share: float | None = None) -> tuple[float, np.ndarray]:
+    """How many times the torques of the declared masses are those measured, unless that is given, and the
+    share (n,) of every axis' torque that is left."""
+    size, motion = torque_sizes(samples.torque), samples.motion
+    rigid = _core.inverse_dynamics(robot.core, *motion.arrays) / size
+    goal, own = samples.torque / size, np.stack([
+        motion.acceleration, dry_friction_of(motion.rate), motion.rate, np.ones_like(motion.rate)], axis=2)
+    without = np.stack([np.linalg.qr(own[:, i])[0] for i in range(robot.axes)])
+    rest = lambda values: values - np.stack([q @ (q.T @ one) for q, one in zip(without, values.T)], axis=1)
+    rigid, goal = rest(rigid), rest(goal)
+    if share is None:
+        share = float(np.sum(rigid * goal) / max(np.sum(rigid**2), 1e-300))
+    return share, np.maximum(np.sqrt(np.mean((goal - share * rigid) ** 2, axis=0)), 1e-9)

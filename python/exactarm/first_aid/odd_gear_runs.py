@@ -108,7 +108,7 @@ def _share_words(run: GyroRun, others: list[GyroRun], tolerance: float, meant: C
     usual = min(others, key=near)
     if near(run) < near(usual):
         return ""  # of two runs the other is the odd one
-    share = run.share / usual.share
+    share = run.share / max(usual.share, 1e-300)
     return (f"the gyroscope reads {share:.4g} times as much of motor {run.axis + 1}'s rate as in the other "
             f"runs: {meant(share)}")
 

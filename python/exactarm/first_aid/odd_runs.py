@@ -23,7 +23,15 @@ from exactarm.first_aid.drive_model import (
     samples_of,
     torque_sizes,
 )
-from exactarm.first_aid.motion_mistakes import Candidate, candidates, clocks, fall, is_measured_whole, undone
+from exactarm.first_aid.motion_mistakes import (
+    UNITS,
+    Candidate,
+    candidates,
+    clocks,
+    fall,
+    is_measured_whole,
+    undone,
+)
 from exactarm.first_aid.suspicion import FALL, Suspicion, in_order, run_words
 from exactarm.numerics.signals import typical_step
 from exactarm.robot.robot import Robot
@@ -31,9 +39,6 @@ from exactarm.robot.robot import Robot
 MOST_RUNS = 30  # more are seldom files of different sources, and each costs a fit
 MOST_ROWS, LEAST_ROWS = 1200, 60  # of all runs; of each: 360 numbers for the 84 unknowns of six axes
 _AS_GOOD = 0.7  # of the best fall: of two runs either could be the wrong one
-_UNITS = {1e-3: "mNm labelled as Nm", 1e3: "kNm labelled as Nm", 1e-2: "N cm labelled as Nm",
-          9.80665: "kgf m labelled as Nm", 1.355818: "lbf ft labelled as Nm",
-          0.1129848: "lbf in labelled as Nm"}
 _POUND_KG = 0.45359237
 
 
@@ -112,8 +117,8 @@ def _could_fall(runs: _Runs, run: int, now: Explained) -> bool:
 def _tried(robot: Robot, samples: MotionSamples) -> Iterator[Candidate]:
     yield from candidates(samples)
     yield "torques of the opposite sign", samples.with_torques(lambda values: -values)
-    for factor, words in _UNITS.items():
-        yield words, samples.with_torques(lambda values, factor=factor: factor * values)
+    for unit, factor in UNITS.items():
+        yield f"{unit} labelled as Nm", samples.with_torques(lambda values, factor=factor: factor * values)
     ratio = np.abs(robot.controller_ratios)
     for words, factor in (("torques of the motors labelled as those behind the gears", ratio),
                           ("torques behind the gears labelled as those of the motors", 1.0 / ratio)):

@@ -28,6 +28,7 @@ _TURN = 2.0 * np.pi
 _DEGREE = np.pi / 180.0
 _GON = 0.9  # degrees
 _ALL_COLUMNS = "xyz"
+MIRRORED = "one of x, y, z with the opposite sign, or two of them exchanged"
 
 Candidate = tuple[str, Robot, Dataset]
 
@@ -144,7 +145,7 @@ def _of_units(data: Dataset) -> Iterator[tuple[str, Dataset]]:
 def _of_device(data: Dataset) -> Iterator[tuple[str, Dataset]]:
     """Directions and orientations of the measuring device."""
     mirrored = replace(data, position=data.position * [1.0, 1.0, -1.0], rotation=None)
-    yield "one of x, y, z with the opposite sign, or two of them exchanged", mirrored
+    yield MIRRORED, mirrored
     if data.rotation is not None:
         quaternion = Rotation.from_matrix(data.rotation).as_quat()[:, [3, 0, 1, 2]]
         for words, order, signs in _CONVENTIONS:

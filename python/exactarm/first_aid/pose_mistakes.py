@@ -31,16 +31,28 @@ from exactarm.first_aid.misfit import (
     misfit_of,
     rms_searched,
 )
-from exactarm.first_aid.pose_candidates import ANOTHER_SIZE, FARTHEST_SIZE, candidates, scaled, with_angles
-from exactarm.first_aid.suspicion import FALL, Suspicion, in_order
+from exactarm.first_aid.orientation_mistakes import orientation_mistakes
+from exactarm.first_aid.pose_candidates import (
+    ANOTHER_SIZE,
+    FARTHEST_SIZE,
+    MIRRORED,
+    candidates,
+    scaled,
+    turned,
+    with_angles,
+)
+from exactarm.first_aid.suspicion import AS_GOOD, FALL, Suspicion, in_order
 from exactarm.identify.reach import reach
-from exactarm.numerics.rotation import log as rotation_log
 from exactarm.robot.robot import Placement, Robot
 
 MOST_ROWS = 120  # of a session, evenly spread: a mistake shows in every row
 LEAST_ROWS = 10  # of a session: 30 numbers for the 15 unknowns of the linear fit
 # wrong ratios of gears, from which the best one is looked for
 _SCALES = (0.5, 0.8, 0.9, 0.95, 1.05, 1.1, 1.25, 2.0)
+# other zeros, from which the best one is looked for; a smaller one is calibrated
+_ZEROS_RAD = tuple(np.deg2rad([sign * k for k in (5, 10, 20, 35, 60, 90, 120, 150, 180) for sign in (1, -1)]))
+_LITTLE = 10.0  # a fall below which a zero or ratio of one axis may explain more
+_LEAST_ZERO_RAD = np.deg2rad(2.0)
 _SUSPICIOUS_SHARE = 0.005  # of the reach: a whole axis that turns wrongly leaves more
 _LEAST_SHARE = 5e-4  # of the reach: what a wrong clock leaves, less is an arm's own
 _CLOCK_GAP_S = 0.2  # at the end of a run: less may be a delay throughout, of which the library knows 0.1 s
@@ -71,24 +83,30 @@ def pose_mistakes(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -
     turns = now.orientation > LEAST_ORIENTATION_RAD
     falls = falls_of(now, data, [each[1:] for each in tried], 1.0 / NOT_WORSE if turns else FALL)
     found = [Suspicion(each[0], fall) for each, fall in zip(tried, falls) if fall >= FALL]
+    found = _mirrored_too(found)
     found += _another_size(bare, carried, data, size, now, seed)
     found += _scaled_columns(bare, carried, data, now)
     found = found or list(_another_clock(bare, carried, data, now, seed))
-    for further in (_scales_of_axes, _changes_midway):
-        found = found or list(further(bare, carried, data, now))
+    if max((each.fall for each in found), default=0.0) < _LITTLE:
+        found += _scales_and_zeros(bare, carried, data, now)
+    found = found or list(_changes_midway(bare, carried, data, now))
     if found and not turns and now.position < _SUSPICIOUS_SHARE * reach(bare):
         geometry = left_by_geometry(bare, carried, data, seed)
         found = [each for each in found if now.position / each.fall < geometry]
     found = found or list(_gross_rows(bare, carried, whole))
-    # positions that an arm may miss by, or that a tenth of the turns would make at a lever of 0.3 m
-    least = max(LEAST_ORIENTATION_RAD, 0.1 * np.nan_to_num(now.orientation))
-    told = now.orientation > LEAST_ORIENTATION_RAD and now.position < 0.3 * least
-    if not found and told and _turns_otherwise(bare, carried, data) > least:
-        found.append(Suspicion(
-            f"the measured orientations do not follow the arm ({now.orientation:.2g} rad RMS beside "
-            f"{1e3 * now.position:.2g} mm): are they angles of another convention, a quaternion in another "
-            "order, or rows shuffled?"))
+    found = found or list(orientation_mistakes(bare, carried, data, now))
     return in_order(found)
+
+
+def _mirrored_too(found: list[Suspicion]) -> list[Suspicion]:
+    """An arm that its mirror image matches moves, with some signs changed, as a mirrored device sees it: both
+    are named."""
+    ordered = in_order(found)
+    mirrored = [each for each in found if each.words == MIRRORED]
+    if not mirrored or ordered[0] is mirrored[0] or mirrored[0].fall < AS_GOOD * ordered[0].fall:
+        return found
+    both = replace(ordered[0], words=f"{ordered[0].words}, or {MIRRORED}")
+    return [both if each is ordered[0] else each for each in found]
 
 
 def _spread_rows(data: Dataset) -> np.ndarray | None:
@@ -104,17 +122,6 @@ def _spread_rows(data: Dataset) -> np.ndarray | None:
 def spread(count: int, most: int) -> np.ndarray:
     """At most `most` of `count` rows, at even distances."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))
-
-
-def _turns_otherwise(bare: Robot, carried: Layout, data: Dataset) -> float:
-    """RMS, rad, of the angle between two rows as measured, less that of the arm: no frame changes either."""
-    flange = predict_poses(bare, carried, data, tangents=False).rotation
-    one, other = np.arange(len(data)), np.roll(np.arange(len(data)), len(data) // 2)
-    same = data.session[one] == data.session[other]
-    turned = lambda rotation: np.linalg.norm(rotation_log(
-        np.swapaxes(rotation[one[same]], -1, -2) @ rotation[other[same]]), axis=1)
-    off = turned(data.rotation) - turned(flange)
-    return float(np.sqrt(np.mean(off**2))) if off.size else np.inf
 
 
 # -- mistakes that have a size, or a place in the record ---------------------------------------------
@@ -192,25 +199,41 @@ def _another_clock(bare: Robot, carried: Layout, data: Dataset, now: Misfit,
         yield Suspicion(f"a device whose time runs {best.x:.4g} times as fast as the controller's", fall)
 
 
-def _scales_of_axes(bare: Robot, carried: Layout, data: Dataset, now: Misfit) -> Iterator[Suspicion]:
-    """One axis turns by another factor than its angles say: a wrong gear ratio."""
+def _scales_and_zeros(bare: Robot, carried: Layout, data: Dataset, now: Misfit) -> Iterator[Suspicion]:
+    """One axis turns by another factor than its angles say, a wrong gear ratio, or counts from another
+    zero."""
     if now.position < _SUSPICIOUS_SHARE * reach(bare) and not now.orientation > LEAST_ORIENTATION_RAD:
         return
+    best = lambda *change: _best_of_axes(bare, carried, data, now, *change)
+    scale = best((*_SCALES, 1.0), lambda i, factor: scaled([i], factor))
+    zero = best((*_ZEROS_RAD, 0.0), lambda i, angle: turned(i, angle, bare))
+    if scale[0] >= FALL:
+        yield Suspicion(f"axis {scale[1] + 1} turning {scale[2]:.4g} times as far as the data say (its gear "
+                        "ratio?)", scale[0])
+    if zero[0] >= FALL and abs(zero[2]) > _LEAST_ZERO_RAD:
+        degrees = f"{np.degrees(zero[2]):+.3g} degrees"
+        yield Suspicion(f"another zero of axis {zero[1] + 1} (by {degrees})", zero[0])
+
+
+def _best_of_axes(bare: Robot, carried: Layout, data: Dataset, now: Misfit, grid: tuple[float, ...],
+                  change) -> tuple[float, int, float]:
+    """Fall, axis and size of the change of one axis' angles that explains most; the last of the grid: no
+    change."""
+    turning = [i for i in range(bare.axes) if bare.joints[i].type == "revolute"]
+    if not turning:
+        return 0.0, 0, grid[-1]
 
     def falls(pairs: list[tuple[int, float]]) -> list[float]:
-        return falls_of(now, data, [(bare, carried, with_angles(data, scaled([axis], factor)))
-                                  for axis, factor in pairs])
+        return falls_of(now, data, [(bare, carried, with_angles(data, change(*pair))) for pair in pairs])
 
-    pairs = [(i, factor) for i in range(bare.axes) for factor in _SCALES]
-    axis, factor = pairs[int(np.argmax(falls(pairs)))]
-    around = np.sort([1.0, *_SCALES])
-    place = int(np.searchsorted(around, factor))
+    pairs = [(i, size) for i in turning for size in grid[:-1]]
+    axis, size = pairs[int(np.argmax(falls(pairs)))]
+    around = np.sort(grid)
+    place = int(np.searchsorted(around, size))
     ends = around[max(place - 1, 0)], around[min(place + 1, len(around) - 1)]
     best = minimize_scalar(lambda value: -falls([(axis, value)])[0],
                            bounds=ends, method="bounded", options={"maxiter": 40, "xatol": 1e-5})
-    if -best.fun >= FALL:
-        words = f"axis {axis + 1} turning {best.x:.4g} times as far as the data say (its gear ratio?)"
-        yield Suspicion(words, -float(best.fun))
+    return -float(best.fun), axis, float(best.x)
 
 
 def _changes_midway(bare: Robot, carried: Layout, data: Dataset, now: Misfit) -> Iterator[Suspicion]:

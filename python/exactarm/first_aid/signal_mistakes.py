@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from exactarm.data.dataset import Dataset
-from exactarm.data.kinds import kind_of
+from exactarm.data.kinds import GEAR_RUN, kind_of
 from exactarm.data.kinds.base import runs_in_time
 from exactarm.first_aid.suspicion import Suspicion
 from exactarm.identify.planned import controller_angles
@@ -72,7 +72,7 @@ def repeated_rows(data: Dataset) -> Iterator[Suspicion]:
     a row once in 2^20 times."""
     measured = [values for values in (data.position, data.gyro) if values is not None]
     measured += [data.joints[name] for name in ("tau", "tau_motor", "current") if name in data.joints]
-    if not measured or data.pixel is not None:
+    if not any(np.ptp(values, axis=0).any() for values in measured) or data.pixel is not None:
         return
     measured += [data.joints[name] for name in ("q", "theta") if name in data.joints]
     columns = np.nan_to_num(np.concatenate(measured, axis=1)).T
@@ -102,8 +102,26 @@ def column_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
     """Columns that no motion and no drive gives, whatever the model: wrapped angles, torques that never
     change or never have a sign, a device that stands still while the arm moves."""
     yield from _wrapped(robot, data)
+    yield from _never_changing(robot, data)
     yield from _without_sign(data)
     yield from _stuck(data)
+
+
+def _never_changing(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
+    """A gyroscope, or one side of a gear, that reads the same to the last bit while the other side moves."""
+    theta, q = (data.joints.get(name) for name in ("theta", "q"))
+    if GEAR_RUN.name not in data.kinds or theta is None:
+        return
+    moves = np.nanmax(np.ptp(theta, axis=0) / np.abs(robot.ratios)) > MOVED_RAD
+    if data.gyro is not None and moves and (np.ptp(data.gyro, axis=0) == 0.0).all():
+        yield Suspicion("the gyroscope reads the same in every row while a motor moves: was it never "
+                        "measured?")
+    if q is not None:
+        sides = np.ptp(theta, axis=0) / np.abs(robot.ratios), np.ptp(q, axis=0)
+        for name, one, other in (("q", *sides), ("theta", *sides[::-1])):
+            for i in np.flatnonzero((one > MOVED_RAD) & (other == 0.0)):
+                yield Suspicion(f"{name}_{i + 1} is the same in every row while the other side of its gear "
+                                "moves: was it never measured?")
 
 
 def _without_sign(data: Dataset) -> Iterator[Suspicion]:
@@ -195,11 +213,17 @@ def _ranges(robot: Robot, angles: np.ndarray) -> Iterator[Suspicion]:
     if not beyond:
         return
     axes = axes_in_words(i for i, _, _ in beyond)
-    fits = all(low <= np.nanmin(values) and np.nanmax(values) <= high for i, low, high in beyond
-               for values in [_DEGREE * angles[:, i]])
+    within = lambda values, low, high: bool(np.nanmin(values) >= low and np.nanmax(values) <= high)
     largest = max(float(np.nanmax(np.abs(angles[:, i]))) for i, _, _ in beyond)
-    meant = (": are they degrees labelled as radians?" if fits
-             else ": are they motor angles, in another unit, or of another robot?")
+    if largest <= MOST_TURNS and all(within((angles[:, i] - low) % TURN + low, low, high)
+                                     for i, low, high in beyond):
+        meant = ": are they counted over another turn, as 0 to 360 degrees, or from another zero?"
+    elif all(within(-angles[:, i], low, high) for i, low, high in beyond):
+        meant = ": are they of the opposite sign, of another axis, or from another zero?"
+    elif all(within(_DEGREE * angles[:, i], low, high) for i, low, high in beyond):
+        meant = ": are they degrees labelled as radians?"
+    else:
+        meant = ": are they motor angles, in another unit, from another zero, or of another robot?"
     yield Suspicion(
         f"joint angles of {axes} go to {largest:.3g} rad, far beyond what the axis can turn{meant}")
 

@@ -10,7 +10,7 @@ from exactarm.data.dataset import Dataset
 # falls ten times and more. Three times leaves room for arms that are a centimetre wrong, and no set of poses
 # falls so far by chance.
 FALL = 3.0
-_AS_GOOD = 0.7  # of the best one's fall
+AS_GOOD = 0.7  # of the best one's fall
 _WITHOUT_A_REST = 1e6
 
 
@@ -41,7 +41,7 @@ def in_order(found: list[Suspicion]) -> list[Suspicion]:
     simplest ones."""
     if not found:
         return []
-    best = next(each for each in found if each.fall >= _AS_GOOD * max(other.fall for other in found))
+    best = next(each for each in found if each.fall >= AS_GOOD * max(other.fall for other in found))
     return [best, *sorted((each for each in found if each is not best), key=lambda each: -each.fall)]
 
 

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy import linalg, special
@@ -77,10 +78,15 @@ class _Parted:
     scatter: float
     freedom: int
 
+    @cached_property
+    def size(self) -> float:
+        """Largest singular value of T: as dear as all the rest of a fit."""
+        return float(np.linalg.norm(self.root, 2))
+
     def slope(self, half: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """L^-1 T H; zero where the days show next to nothing of what a parameter moves."""
         seen = self.root @ columns
-        whole = np.linalg.norm(columns, axis=0) * np.linalg.norm(self.root, 2)
+        whole = np.linalg.norm(columns, axis=0) * self.size
         return _whitened(half, np.where(np.linalg.norm(seen, axis=0) > _LEAST_SEEN * whole, seen, 0.0))
 
     @property
