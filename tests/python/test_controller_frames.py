@@ -290,7 +290,7 @@ def test_a_mounting_that_is_suspected_is_told_by_the_axes_of_the_base():
     arm = six_axis(placed=False)
     arm = replace(arm, gravity=np.array([0.0, 0.0, -9.81]), controller=replace(arm.controller, base=FIRST))
     samples = MotionSamples(Motion(arm, none, none, none), none, np.ones(6), np.ones(6), np.zeros(2),
-                            np.zeros(2), none)
+                            np.zeros(2), none, np.zeros(2))
     told = {name: other.motion.robot.gravity for name, other in candidates(samples) if "mounting" in name}
     along = told["gravity along +x of the base (the arm's mounting)"]
     np.testing.assert_allclose(turn @ along, [9.81, 0.0, 0.0], atol=1e-12)
