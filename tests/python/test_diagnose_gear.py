@@ -120,7 +120,8 @@ def test_gear_that_was_found_to_be_even_is_no_obstacle(racer):
 @pytest.mark.slow
 def test_two_causes_are_found_that_one_other_nearly_makes_up_for(racer):
     """Wind-up under gravity and a wrong ratio, over a part of a turn: a run-out explains more than either, so
-    it came first, and neither could take its place (blind seed 92313: run-out alone, at 1.00)."""
+    it came first, and neither could take its place (blind seed 92313: run-out alone, at 1.00). With a
+    third of these sizes in this noise, a run-out of two numbers is as good."""
     joint = racer.joints[2]
 
     def bent(time, phi, direction):

@@ -9,10 +9,10 @@ from exactarm import _core
 from exactarm.chain import Layout, predict_tracked_motion
 from exactarm.data.dataset import Dataset
 from exactarm.effects.gravity_compensator import GravityCompensator
-from exactarm.effects.joint_compliance import DISTRIBUTION
 from exactarm.errors import InputError
 from exactarm.rest_load import RestLoad
 from exactarm.robot.generic_masses import (
+    DISTRIBUTION,
     SPREAD,
     generic_links,
     with_declared_masses,

@@ -175,6 +175,10 @@ class Rows(Value):
         return 0 < len(entries) == len(self.sources) and all(
             source.is_file(entry) for source, entry in zip(self.sources, entries))
 
+    def shared_files(self, entries: Sequence[Mapping[str, Any]]) -> np.ndarray:
+        """(F,) bool: its files that are, or have rows in common with, one on record."""
+        return np.array([any(map(source.shares, entries)) for source in self.sources], bool)
+
     def select(self, rows: np.ndarray) -> Self:
         """The rows of a mask (N,) bool or of an index array."""
         changes = {}

@@ -22,10 +22,8 @@ import numpy as np
 
 from exactarm.data.kinds import MOTION, POSES, TRACKED_MOTION, WITH_TARGET
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.robot.generic_masses import DISTRIBUTION
 
-# of the generic first moments of links, standard deviation: 0.26 RMS on Puma 560, UR10 and Racer 7-1.4, of
-# what `linear` and `tip` leave (tests/python/test_generic_masses.py)
-DISTRIBUTION = 0.25
 _PLAUSIBLE = 5e-6
 
 

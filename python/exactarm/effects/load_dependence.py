@@ -8,8 +8,8 @@ sign behind the same low-pass; no friction where the load comes from declared ma
 
 A gear run of an arm whose masses nobody declared, nor its torques measured, bears its weight all the same:
     change = -weight (torque cos(turned) + dtorque/dq sin(turned)),
-torque: of the generic masses (robot/generic_masses.py), right in kind, not in size; turned ~ N(0, TURNED^2):
-its centre of mass lies beside theirs.
+torque: of the generic masses (robot/generic_masses.py), right in kind, not in size; turned ~
+N(0, DISTRIBUTION^2): its centre of mass lies beside theirs.
 """
 
 from collections.abc import Iterable
@@ -21,12 +21,10 @@ from exactarm import _core
 from exactarm.data.kinds import GEAR_RUN, MOTION, Device
 from exactarm.effects.base import Change, Effect, Parameter
 from exactarm.effects.harmonic_family import HarmonicFamily, declared_orders, growing_error, searched_orders
-from exactarm.robot.generic_masses import with_generic_masses
+from exactarm.robot.generic_masses import DISTRIBUTION, with_generic_masses
 
-# rad, standard deviation: the first moments of links are 0.25 RMS off the generic ones (joint_compliance.py)
-TURNED = 0.25
 _TURNS = (-0.5, -0.25, 0.0, 0.25, 0.5)  # rad, tried first
-_MOST_TURNED = 1.0  # four standard deviations
+_MOST_TURNED = 4.0 * DISTRIBUTION
 _LEAST_SPREAD_NM = 1e-3
 _LEAST_SPREAD_SIGN = 0.5
 
@@ -138,7 +136,7 @@ class WeightDependence(LoadDependence):
     def parameters(self) -> tuple[Parameter, ...]:
         most = _MOST_TURNED
         return (Parameter("weight_rad_per_Nm", 5e-6, 0.0),
-                Parameter("turned_rad", TURNED, -most, most, search=self.search, prior=TURNED))
+                Parameter("turned_rad", DISTRIBUTION, -most, most, search=self.search, prior=DISTRIBUTION))
 
     def change(self, view) -> Change:
         weight, turned = self.values

@@ -253,11 +253,13 @@ def _units(robot: Robot, samples: MotionSamples) -> Iterator[Suspicion]:
 def _units_of_masses(robot: Robot, samples: MotionSamples) -> Iterator[Suspicion]:
     """One factor of all torques, beside rotors, friction and constants of every axis. A unit near Nm is told
     only where the torques of two axes then follow the declared masses, which may be off by as much."""
-    share, _ = _of_declared(robot, samples)
+    rigid, torque = _beside_own_terms(robot, samples)
+    share = float(np.sum(rigid * torque) / max(np.sum(rigid**2), 1e-300))
+    left = lambda times: np.maximum(np.sqrt(np.mean((torque - times * rigid) ** 2, axis=0)), 1e-9)
     unit, factor = min(UNITS.items(), key=lambda pair: abs(np.log(max(share, 1e-12) * pair[1])))
     near = _NEAR_A_UNIT[0 if _LEAST_OF_DECLARED < factor < 1.0 / _LEAST_OF_DECLARED else 1]
     if not robot.generic_masses and abs(np.log(max(share, 1e-12) * factor)) < near:
-        falls = _of_declared(robot, samples, 1.0)[1] / _of_declared(robot, samples, 1.0 / factor)[1]
+        falls = left(1.0) / left(1.0 / factor)
         if falls.min() > _LEAST_SHARE and np.sum(falls > FALL) >= min(2, robot.axes):
             yield Suspicion(f"{unit} labelled as Nm", float(falls.max()))
             return
@@ -267,17 +269,13 @@ def _units_of_masses(robot: Robot, samples: MotionSamples) -> Iterator[Suspicion
             "(mNm, N cm), at the motor's shaft, or is it the file of another arm?")
 
 
-def _of_declared(robot: Robot, samples: MotionSamples,
-                 share: float | None = None) -> tuple[float, np.ndarray]:
-    """How many times the torques of the declared masses are those measured, unless that is given, and the
-    share (n,) of every axis' torque that is left."""
+def _beside_own_terms(robot: Robot, samples: MotionSamples) -> tuple[np.ndarray, np.ndarray]:
+    """(N, n) torques of the declared masses and those measured, over their size, without what rotors,
+    friction and constants of each axis may explain."""
     size, motion = torque_sizes(samples.torque), samples.motion
     rigid = _core.inverse_dynamics(robot.core, *motion.arrays) / size
     goal, own = samples.torque / size, np.stack([
         motion.acceleration, dry_friction_of(motion.rate), motion.rate, np.ones_like(motion.rate)], axis=2)
     without = np.stack([np.linalg.qr(own[:, i])[0] for i in range(robot.axes)])
     rest = lambda values: values - np.stack([q @ (q.T @ one) for q, one in zip(without, values.T)], axis=1)
-    rigid, goal = rest(rigid), rest(goal)
-    if share is None:
-        share = float(np.sum(rigid * goal) / max(np.sum(rigid**2), 1e-300))
-    return share, np.maximum(np.sqrt(np.mean((goal - share * rigid) ** 2, axis=0)), 1e-9)
+    return rest(rigid), rest(goal)

@@ -126,8 +126,8 @@ def _judged(robot: Robot, data: Dataset, seed: int) -> tuple[np.ndarray, bool]:
     known = [entry for entry in robot.record.get("data", []) if isinstance(entry, dict)]
     if data.is_of(known):
         return np.flatnonzero(~data.split(int(robot.record.get("seed", seed)))), True
-    shares = [any(map(source.shares, known)) for source in data.sources]
-    fitted = np.array(shares, bool)[data.file_index] if any(shares) else np.zeros(len(data), bool)
+    shared = data.shared_files(known)
+    fitted = shared[data.file_index] if shared.any() else np.zeros(len(data), bool)
     return np.flatnonzero(~fitted), False  # another selection of rows: how they were split is not known
 
 

@@ -139,7 +139,7 @@ def _fitted(robots: tuple[Robot, ...], data: Dataset, seed: int) -> tuple[np.nda
         fitted |= data.identification
     for record in (known for robot in robots for known in fits_on_record(robot)):
         files = [entry for entry in record.get("data", ()) if isinstance(entry, Mapping)]
-        known = np.array([any(map(source.shares, files)) for source in data.sources], bool)
+        known = data.shared_files(files)
         if not known.any() or data.identification is not None:
             continue
         if data.is_of(files):
