@@ -143,9 +143,10 @@ def test_two_causes_are_found_that_one_other_nearly_makes_up_for(racer):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("size, name", [(-1e-4, "load_dependence"), (1e-4, "gear_eccentricity")])
+@pytest.mark.parametrize("size, name", [(-1e-5, "load_dependence"), (1e-5, "gear_eccentricity")])
 def test_the_weight_of_an_arm_without_masses_is_no_run_out(racer, size, name):
-    """Where its wave lies tells: no weight lifts itself (blind gear run 92091: run-out at 1.00)."""
+    """Where its wave, of 3.5 mrad, lies tells: no weight lifts itself. A run-out may lie there by chance
+    (blind gear run 92091: run-out at 1.00, now load at 0.73)."""
     joint = racer.joints[1]
 
     def bent(time, phi, direction):
@@ -157,3 +158,4 @@ def test_the_weight_of_an_arm_without_masses_is_no_run_out(racer, size, name):
                       rest=np.zeros(6), extra=bent) for k, speed in ((1, 40.0), (2, 80.0))]
     first, *more = diagnose(replace(racer, links=None), joined(*parts)).findings
     assert not more and first.effect.name == name
+    assert (first.probability > 0.99) == (name == "gear_eccentricity")

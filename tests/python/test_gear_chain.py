@@ -38,7 +38,7 @@ EFFECTS = (
     LoadDependence(2, (1e-5,)),
     LoadDependence(2, (2e-3,), of_declared=True),
     LoadDependence(2, (83.0, 1e-5, 2e-5)),
-    WeightDependence(2, (1e-5, 0.2)),
+    WeightDependence(2, (1e-5, 2e-6)),
     GearEccentricity(2, (1e-4, -2e-4, 5e-5, 1e-4)),
     GearRatio(2, (1e-3,)),
     Backlash(2, (4e-4, 60.0)),

@@ -114,10 +114,11 @@ def _score(linear, products, square, count, tried, families, best) -> None:
             free = 0
         else:
             gain, values = _gain(normal, onto, usable)
-            if not np.all((lower <= start[mask] + values) & (start[mask] + values <= upper)):
-                # the best point inside the bounds: what leaves them is clipped, the gain is taken there
-                values = np.clip(start[mask] + values, lower, upper) - start[mask]
-                gain = max(float(2.0 * values @ onto - values @ normal @ values), 0.0)
+        if not np.all((lower <= start[mask] + values) & (start[mask] + values <= upper)):
+            # the best point inside the bounds: what leaves them is clipped, the gain is taken there
+            values = np.clip(start[mask] + values, lower, upper) - start[mask]
+            gain = float(2.0 * values @ onto - values @ normal @ values - np.sum((values / prior) ** 2))
+            gain = max(gain, 0.0)
         evidence = log_evidence(square, gain, count, free, tried[point.label] * families) - price
         evidence += point.log_odds
         known = best.get(point.label)

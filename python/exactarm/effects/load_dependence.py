@@ -7,9 +7,10 @@ change = -linear torque + friction sign(rate), friction = linear times the torqu
 sign behind the same low-pass; no friction where the load comes from declared masses).
 
 A gear run of an arm whose masses nobody declared, nor its torques measured, bears its weight all the same:
-    change = -weight (torque cos(turned) + dtorque/dq sin(turned)),
-torque: of the generic masses (robot/generic_masses.py), right in kind, not in size; turned ~
-N(0, DISTRIBUTION^2): its centre of mass lies beside theirs.
+    change = -(along torque + across dtorque/dq),
+torque: of the generic masses (robot/generic_masses.py), right in kind, not in size; across: the arm's centre
+of mass lies beside theirs by about DISTRIBUTION (rad). Both together are a wave once a turn, as a run-out is;
+where it lies decides.
 """
 
 from collections.abc import Iterable
@@ -23,8 +24,10 @@ from exactarm.effects.base import Change, Effect, Parameter
 from exactarm.effects.harmonic_family import HarmonicFamily, declared_orders, growing_error, searched_orders
 from exactarm.robot.generic_masses import DISTRIBUTION, with_generic_masses
 
-_TURNS = (-0.5, -0.25, 0.0, 0.25, 0.5)  # rad, tried first
-_MOST_TURNED = 4.0 * DISTRIBUTION
+# rad, standard deviation of the wave: of run-outs (gear_eccentricity.py), and springs of the Racer 7-1.4, as
+# its file has them, wind up by 1.4 and 0.5 mrad under its weight
+_WAVE_RAD = 1e-3
+_WEIGHT = 5e-6
 _LEAST_SPREAD_NM = 1e-3
 _LEAST_SPREAD_SIGN = 0.5
 
@@ -92,8 +95,8 @@ class LoadDependence(HarmonicFamily):
     def from_table(cls, table) -> Effect:
         if "friction_rad" in table:
             return cls(table["joint"], (float(table["linear_rad_per_Nm"]), float(table["friction_rad"])))
-        if "weight_rad_per_Nm" in table:
-            values = float(table["weight_rad_per_Nm"]), float(table["turned_rad"])
+        if "along_rad_per_Nm" in table:
+            values = float(table["along_rad_per_Nm"]), float(table["across_rad_per_Nm"])
             return WeightDependence(table["joint"], values)
         for key, of_declared in (("relative_per_Nm", True), ("linear_rad_per_Nm", False)):
             if key in table:
@@ -120,39 +123,39 @@ class LoadDependence(HarmonicFamily):
 
 @dataclass(frozen=True)
 class WeightDependence(LoadDependence):
-    """Wind-up under the weight of an arm whose masses nobody declared."""
+    """Wind-up under the weight of an arm whose masses nobody declared; largest_Nm: of the generic masses over
+    a turn in these data, by which the wave has the prior of a run-out's; 0 in files."""
+
+    largest_Nm: float = 0.0
 
     kinds = (GEAR_RUN.name,)
     compensable = False  # elsewhere the arm weighs as its masses have it
     sentence = "gear {joint} winds up under the arm's own weight, as a generic distribution of masses has it"
 
-    @property
-    def of_waves(self) -> bool:
-        return False
+    def parameters(self) -> tuple[Parameter, ...]:
+        prior = _WAVE_RAD / self.largest_Nm if self.largest_Nm else np.inf
+        beside = DISTRIBUTION * max(prior, abs(self.values[0]) if self.values else 0.0)
+        return (Parameter("along_rad_per_Nm", _WEIGHT, 0.0, prior=prior),
+                Parameter("across_rad_per_Nm", DISTRIBUTION * _WEIGHT, prior=beside))
 
     def per_guessed_load(self, view) -> np.ndarray:
-        return np.array([True, False])
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        most = _MOST_TURNED
-        return (Parameter("weight_rad_per_Nm", 5e-6, 0.0),
-                Parameter("turned_rad", DISTRIBUTION, -most, most, search=self.search, prior=DISTRIBUTION))
+        return np.full(2, True)
 
     def change(self, view) -> Change:
-        weight, turned = self.values
         torque, slope = _weight_of(view, self.index)
-        along = torque * np.cos(turned) + slope * np.sin(turned)
-        across = slope * np.cos(turned) - torque * np.sin(turned)
-        columns = -np.stack([along, weight * across], axis=1)
-        by_phi = self.by_own_entry(view, -weight * across)
-        return Change((self.index,), -weight * along[:, None], columns[:, None, :], {"phi": by_phi})
+        columns, (along, across) = -np.stack([torque, slope], axis=1), self.values
+        by_phi = self.by_own_entry(view, across * torque - along * slope)
+        return Change((self.index,), columns @ np.array(self.values)[:, None], columns[:, None, :],
+                      {"phi": by_phi})
 
     @classmethod
     def of_axis(cls, view, index: int) -> Iterable[Effect]:
         """Nothing where the robot has masses, or no lengths to guess them by."""
-        unknown = view.device is Device.GEAR and not view.has_masses and view.moving[index]
-        if unknown and np.std(_weight_of(view, index)[0]) > _LEAST_SPREAD_NM:
-            yield cls(index + 1, (0.0, 0.0), _TURNS)
+        if view.device is not Device.GEAR or view.has_masses or not view.moving[index]:
+            return
+        torque, slope = _weight_of(view, index)
+        if np.std(torque) > _LEAST_SPREAD_NM:
+            yield cls(index + 1, (0.0, 0.0), largest_Nm=float(np.max(np.hypot(torque, slope))))
 
 
 def _weight_of(view, index: int) -> tuple[np.ndarray, np.ndarray]:
