@@ -13,7 +13,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from numbers import Number
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
 import numpy as np
 
@@ -27,12 +27,16 @@ from exactarm.data.rows import Source
 from exactarm.data.session_table import with_sessions
 from exactarm.errors import InputError
 from exactarm.files.examples import file_or_example
+from exactarm.files.memory_table import MemoryTable, is_memory_table
 from exactarm.robot.robot import Robot
 from exactarm.robot_file import AnyRobot as AnyRobot
 from exactarm.robot_file import load_robot, shipped_robots
 from exactarm.robot_file import robot_of as robot_of
 
-AnyData = Dataset | str | Path | Sequence[str | Path]
+if TYPE_CHECKING:
+    import pandas
+AnyTable: TypeAlias = "str | Path | Mapping[str, Any] | pandas.DataFrame"
+AnyData: TypeAlias = "Dataset | AnyTable | Sequence[AnyTable]"
 AnyFixture = Fixture | str | Path | None
 # names that say their unit, as the functions have them whose options are named one by one
 WITH_UNIT = {"rate_hz": "rate", "tool_m": "tool", "clearance_m": "clearance"}
@@ -46,7 +50,7 @@ def data_of(data: AnyData, robot: Robot, kind: str | None = None, fixture: AnyFi
     estimates."""
     known = load_fixture(fixture, load_robot) if isinstance(fixture, (str, Path)) else fixture
     if not isinstance(data, Dataset):
-        files = [file_or_example(path) for path in files_of(data, "files, or what exactarm.read returns")]
+        files = _tables_of(data)
         data = read_dataset(files, robot, kind, known or Fixture(), columns)
     elif known is not None:
         data = replace(data, fixture=known)
@@ -57,6 +61,14 @@ def data_of(data: AnyData, robot: Robot, kind: str | None = None, fixture: AnyFi
             "`identify` of motions estimate it and write payloads.csv for --sessions",
             file=None if sessions is None else str(sessions), column=PAYLOAD)
     return data
+
+
+def _tables_of(data: Any) -> list[Path | MemoryTable]:
+    """Files and tables in memory, each named by its place in what was given."""
+    one = isinstance(data, str) or is_memory_table(data) or not hasattr(data, "__iter__")
+    expected = "files, tables, or what exactarm.read returns"
+    return [MemoryTable.of(each, i) if is_memory_table(each) else file_or_example(*files_of([each], expected))
+            for i, each in enumerate([data] if one else data, start=1)]
 
 
 def files_of(data: Any, expected: str = "files") -> list[str | Path]:
@@ -153,9 +165,10 @@ def _word(path: Any) -> str:
     return repr(str(path))
 
 
-def read(files: str | Path | Sequence[str | Path], robot: AnyRobot, *, kind: str | None = None,
+def read(files: AnyTable | Sequence[AnyTable], robot: AnyRobot, *, kind: str | None = None,
          fixture: AnyFixture = None, columns: Mapping[str, str] | None = None) -> Dataset:
-    """Measured data of one or more CSV or Parquet files, in SI units. fixture: what is known of touched
+    """Measured data of one or more CSV or Parquet files, or of tables in memory with the columns of such a
+    file (a DataFrame, a mapping of names to arrays), in SI units. fixture: what is known of touched
     contacts. columns: the files' names -> ours, as {"J1": "q_1_deg"}.
 
         >>> import exactarm as ea
@@ -163,6 +176,6 @@ def read(files: str | Path | Sequence[str | Path], robot: AnyRobot, *, kind: str
         >>> data.kind, data.position.shape
         ('poses', (1495, 3))
     """
-    if isinstance(files, Robot) or files in shipped_robots():
+    if isinstance(files, Robot) or (isinstance(files, str) and files in shipped_robots()):
         raise InputError("read takes the files first, then the robot: read(files, robot)")
     return data_of(files, robot_of(robot), kind, fixture, columns=columns)
