@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 import exactarm as ea
+from exactarm.commands.certify import _followed
 from exactarm.errors import InputError
 
 ROWS = 40
@@ -76,3 +77,10 @@ def test_a_column_name_does_not_hide_a_table():
 def test_lists_within_lists_are_refused():
     with pytest.raises(InputError, match="data given as list; expected files, tables"):
         ea.read([[pd.DataFrame(COLUMNS)]], "ur10")
+
+
+def test_a_followed_path_in_memory_is_one_table():
+    arm = ea.load_robot("ur10")
+    time = {"time_s": 0.01 * np.arange(ROWS)}
+    path = _followed(pd.DataFrame(time | COLUMNS), arm)
+    assert len(path) == 1 and len(path[0]) == ROWS

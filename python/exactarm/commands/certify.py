@@ -4,9 +4,9 @@ fitted."""
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import TRACKED_MOTION
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
+from exactarm.files.memory_table import is_memory_table
 from exactarm.identify.statistics import summarise
 from exactarm.progress import SILENT, Progress
 from exactarm.robot.controller_frames import in_base
@@ -106,7 +107,8 @@ def run(arguments: argparse.Namespace) -> CommandResult:
 
 def _followed(path: AnyData, arm: Robot) -> tuple[Dataset, ...]:
     """Tracked motions, file by file: a file without a column `session` was measured in the poses' set-up."""
-    files = [path] if isinstance(path, (str, Path, Dataset)) else list(path)
+    files: list[AnyData] = ([path] if isinstance(path, (str, Path, Dataset)) or is_memory_table(path)
+                            else list(cast(Sequence[AnyData], path)))
     return tuple(data_of(file, arm, TRACKED_MOTION.name) for file in files)
 
 
