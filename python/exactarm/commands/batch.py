@@ -5,7 +5,7 @@ no other.
 
 A job is a row: name, command, robot, files (with ; between); further columns are options of its command. Its
 key is the SHA-256 of command, options, version, robot file and data; `FOLDER/NAME/.batch` keeps the key of a
-finished job.
+finished job and the SHA-256 of its result.json.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from typing import Any
 
 import exactarm
 from exactarm.commands.execute import execute, parse, parser_of
+from exactarm.commands.failure import explain
 from exactarm.commands.listing import find_commands, import_command
 from exactarm.commands.outcome import Asked
 from exactarm.commands.output import ALWAYS, OutputFolder
@@ -34,7 +35,7 @@ from exactarm.commands.publish import publish, sources
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import JOBS, STEPS
 from exactarm.data.split import DEFAULT_SEED
-from exactarm.errors import ComputationError, InputError
+from exactarm.errors import InputError
 from exactarm.files.examples import file_or_example
 from exactarm.files.file_bytes import file_bytes
 from exactarm.files.table import parquet_table
@@ -164,11 +165,9 @@ def run_job(job: Job, folder: Path, threads: int = 1) -> Outcome:
                             SILENT)
         if published.result.exit_code:
             return _failed(job, published.report.verdict, time.perf_counter() - started)
-        (place / KEY).write_text(job.key)
-    except (InputError, ComputationError) as error:
-        return _failed(job, str(error), time.perf_counter() - started)
-    except Exception as error:  # a fault of one job is told, and the others still run
-        return _failed(job, f"unexpected {type(error).__name__}: {error}", time.perf_counter() - started)
+        (place / KEY).write_text(_mark(job, place))
+    except Exception as error:  # told of this job, and the others still run
+        return _failed(job, explain(error)[1], time.perf_counter() - started)
     return _outcome(job, Path(folder), "done")
 
 
@@ -264,11 +263,17 @@ def _job(row: Mapping[str, str], number: int, beside: Path, file: Any, seed: int
 
 
 # -- outcomes ----------------------------------------------------------------------------------------
+def _mark(job: Job, place: Path) -> str:
+    """What a finished job leaves: its key, and its result, which a run of somebody else may replace."""
+    return f"{job.key} {sha256(place / 'result.json')}"
+
+
 def _kept(job: Job, folder: Path) -> bool:
     place = folder / job.name
-    return (
-        (place / "result.json").is_file() and (place / KEY).is_file() and (place / KEY).read_text() == job.key
-    )
+    try:
+        return (place / KEY).read_text() == _mark(job, place)
+    except (OSError, ValueError):
+        return False
 
 
 def _failed(job: Job, why: str, seconds: float = 0.0) -> Outcome:
