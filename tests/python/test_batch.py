@@ -76,6 +76,15 @@ def test_a_result_that_is_not_the_jobs_own_is_computed_again(spoil, tmp_path):
     assert "ur10" in (tmp_path / "one/result.json").read_text()
 
 
+@pytest.mark.parametrize("robot, files", [("x" * 300, SERIES), ("ur10", "x" * 300)])
+def test_a_name_that_no_file_can_have_fails_its_job_alone(robot, files, tmp_path):
+    rows = [{"command": "evaluate", "robot": robot, "files": files},
+            {"command": "export", "robot": "ur10", "format": "csv"}]
+    fleet = ea.batch(rows, tmp_path)
+    assert [job["state"] for job in fleet["jobs"]] == ["failed", "done"]
+    assert fleet["jobs"][0]["why"].startswith("x" * 300 + ": ")
+
+
 @pytest.mark.parametrize("error, said", [
     (OSError(28, "No space left on device", "a.csv"), "a.csv: No space left on device"),
     (MemoryError("1 TB"), "not enough memory (1 TB); expected fewer rows at a time"),

@@ -23,6 +23,7 @@ from exactarm.commands.plain import plain
 from exactarm.diagnose import fitted, self_test
 from exactarm.first_aid import misfit
 from exactarm.identify import evaluate
+from exactarm.robot_file import shipped_robots
 from exactarm.verify import held_out
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
@@ -124,6 +125,21 @@ def test_a_folder_of_another_run_or_one_that_is_read_only_is_refused(command, fo
     assert capsys.readouterr().err.startswith("exactarm: error: /proc/exactarm: cannot write here")
 
 
+
+
+NO_NAME = "x" * 300  # longer than a file system's names
+
+
+@pytest.mark.parametrize("command", RUNS)
+def test_a_name_that_no_file_can_have_is_bad_input(command, folder, tmp_path, capsys):
+    words = words_of(command, folder, tmp_path / "out")
+    places = [k for k, word in enumerate(words[: words.index("--out")])
+              if Path(word).is_file() or word in shipped_robots()]
+    assert places or command == "demo"
+    for place in places:
+        assert cli.main([*words[:place], NO_NAME, *words[place + 1:]]) == 2, words[place]
+        told = capsys.readouterr().err
+        assert told.startswith("exactarm: error: ") and told.count("\n") == 1
 
 
 BLOCKS = ((evaluate, "BLOCK_ROWS", 7), (held_out, "BLOCK_ROWS", 7), (misfit, "_MOST_TOGETHER", 50),

@@ -16,6 +16,7 @@ import difflib
 import hashlib
 import io
 import json
+import os
 import re
 import time
 from collections.abc import Mapping, Sequence
@@ -246,7 +247,7 @@ def _job(row: Mapping[str, str], number: int, beside: Path, file: Any, seed: int
     if not re.fullmatch(r"[\w-][\w.-]*", name) or len(name.encode()) > _LONGEST_NAME:
         raise InputError(f"{name[:_LONGEST_NAME]!r}; expected letters, digits, _ . and -, at most "
                          f"{_LONGEST_NAME} bytes", file=file, row=number, column="name")
-    near = lambda word: str(beside / word) if (beside / word).exists() else word
+    near = lambda word: str(beside / word) if os.path.exists(beside / word) else word
     robot, files = near(row["robot"]), [near(word.strip()) for word in row.get("files", "").split(";")
                                         if word.strip()]
     for column, word in [("robot", robot), *(("files", each) for each in files)]:
@@ -257,7 +258,7 @@ def _job(row: Mapping[str, str], number: int, beside: Path, file: Any, seed: int
         if key in (*COLUMNS, "seed") or value.lower() in ("false", "no"):
             continue
         words += [f"--{key.replace('_', '-')}", *([] if value.lower() in ("true", "yes") else [value])]
-    hashes = [sha256(path) for path in map(file_or_example, words) if path.is_file()]
+    hashes = [sha256(path) for path in map(file_or_example, words) if os.path.isfile(path)]
     key = hashlib.sha256(json.dumps([exactarm.__version__, command, words, hashes]).encode()).hexdigest()
     return Job(name, command, robot, tuple(words), key)
 
