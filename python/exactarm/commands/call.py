@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import difflib
+import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from numbers import Number
@@ -98,7 +99,7 @@ def asked(command: str, robot: AnyRobot, data: AnyData | None, seed: int, option
     name = str(robot) if not isinstance(robot, Robot) else robot.name
     files = data.sources if isinstance(data, Dataset) else ()
     read = tuple(files)
-    if not isinstance(robot, Robot) and Path(robot).is_file():
+    if not isinstance(robot, Robot) and os.path.isfile(robot):
         read = (Source(str(robot), sha256(robot)), *read)
     words = [_word(source.path) for source in files] or ([] if data is None else ["data"])
     given = [] if data is None else [words[0] if len(words) == 1 else f"[{', '.join(words)}]"]

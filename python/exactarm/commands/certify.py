@@ -4,6 +4,7 @@ fitted."""
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
@@ -88,10 +89,10 @@ def certify(robot: AnyRobot, data: AnyData, *, before: AnyRobot | None = None, p
         progress.stage(JUDGING)
         certified = _certify(arm, earlier, rows, followed, told, seed, threads_of(threads))
     read = (about, before, *(source.path for each in followed for source in each.sources))
-    inputs = [file for file in read if isinstance(file, (str, Path)) and Path(file).is_file()]
+    inputs = [file for file in read if isinstance(file, (str, Path)) and os.path.isfile(file)]
     options = {"before": before, "path": path or None, "about": about, **details}
     json = results_of(certified)
-    json["robot_sha256"] = sha256(robot) if isinstance(robot, (str, Path)) and Path(robot).is_file() else None
+    json["robot_sha256"] = sha256(robot) if isinstance(robot, (str, Path)) and os.path.isfile(robot) else None
     return CommandResult(
         json=json, report=certificate(certified), tables={"residuals.csv": _table(certified)},
         inputs=tuple(inputs), pdf=PDF,
