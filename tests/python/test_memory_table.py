@@ -39,6 +39,7 @@ def test_a_command_says_what_it_read():
     told, file = (ea.evaluate("ur10", data) for data in (frame, ea.example("ur10/series_B")))
     assert told.json["error"] == file.json["error"]
     assert told.asked.files[0].path == "table 1 in memory"
+    assert told.asked.line == "exactarm.evaluate('ur10', table_1, seed=1)"
 
 
 REFUSED = {

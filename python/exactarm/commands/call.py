@@ -28,7 +28,7 @@ from exactarm.data.rows import Source
 from exactarm.data.session_table import with_sessions
 from exactarm.errors import InputError
 from exactarm.files.examples import file_or_example
-from exactarm.files.memory_table import MemoryTable, is_memory_table
+from exactarm.files.memory_table import MemoryTable, is_memory_table, variable_of
 from exactarm.robot.robot import Robot
 from exactarm.robot_file import AnyRobot as AnyRobot
 from exactarm.robot_file import load_robot, shipped_robots
@@ -163,7 +163,7 @@ def _word_of(value: Any) -> str:
 
 
 def _word(path: Any) -> str:
-    return repr(str(path))
+    return variable_of(str(path)) or repr(str(path))
 
 
 def read(files: AnyTable | Sequence[AnyTable], robot: AnyRobot, *, kind: str | None = None,

@@ -1,9 +1,10 @@
 """A table in memory in place of a file: a pandas DataFrame, what turns into one (polars, Arrow), or a
-mapping of names to arrays. `read_table` reads it as strictly as a file; str(table) is its name."""
+mapping of names to arrays. `read_table` reads it as strictly as a file; str(table) is its label."""
 
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +12,8 @@ from typing import Any
 import numpy as np
 
 from exactarm.errors import InputError
+
+_LABEL = "table {} in memory"
 
 
 def is_memory_table(data: Any) -> bool:
@@ -31,7 +34,7 @@ class MemoryTable:
 
     @classmethod
     def of(cls, data: Any, number: int) -> MemoryTable:
-        label = f"table {number} in memory"
+        label = _LABEL.format(number)
         data = data.to_pandas() if hasattr(data, "to_pandas") else data
         given = list(data) if isinstance(data, Mapping) else list(data.columns)
         columns = ([data[name] for name in given] if isinstance(data, Mapping)
@@ -58,6 +61,12 @@ class MemoryTable:
 
     def __str__(self) -> str:
         return self.label
+
+
+def variable_of(label: str) -> str | None:
+    """`table_1` of the label of a table in memory, as a call has it; None of a file."""
+    found = re.fullmatch(_LABEL.format(r"(\d+)"), label)
+    return found and f"table_{found[1]}"
 
 
 def _one_dimensional(label: str, name: str, column: Any) -> np.ndarray:
