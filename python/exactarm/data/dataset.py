@@ -226,7 +226,8 @@ def _read_file(source: str | Path | MemoryTable, robot: Robot, given: Mapping[st
                text: Sequence[str] = ()) -> _File:
     prismatic = frozenset(i for i, joint in enumerate(robot.joints, start=1) if joint.type == "prismatic")
     words = {*text, *(theirs for theirs, ours in (given or {}).items() if ours in text)}
-    path, table = str(source), read_table(source, ("set", *words), may_be_empty)
+    path = str(source)
+    table = read_table(source if isinstance(source, MemoryTable) else path, ("set", *words), may_be_empty)
     kept: dict[str, list[str]] = {}
     columns: dict[tuple[str, int | None] | str, Column] = {}
     values: dict[tuple[str, int | None] | str, np.ndarray] = {}
