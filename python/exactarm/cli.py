@@ -18,12 +18,13 @@ from contextlib import contextmanager
 from typing import TextIO
 
 import exactarm
+from exactarm.commands.failure import FAILED, explain
 from exactarm.commands.listing import COMMANDS, find_commands, import_command
-from exactarm.errors import ComputationError, InputError
+from exactarm.errors import InputError
 from exactarm.progress import Progress
 
 LEAST_WIDTH = 60  # columns: a narrower table could not be read
-DONE, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+DONE = 0
 BLAS_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
@@ -63,7 +64,7 @@ def _quiet_libraries() -> None:
 
 def _report_failure(error: BaseException, progress: Progress, debug: bool) -> int:
     """One line on stderr, as far as there is one; returns the exit code."""
-    code, line = _explain(error)
+    code, line = explain(error)
     try:
         progress.close()
         if debug:
@@ -90,27 +91,6 @@ def _progress_stream() -> TextIO:
     """Where progress is said: on the terminal, else on stdout, so that stderr holds nothing but the one line
     of an error."""
     return sys.stderr if sys.stderr.isatty() else sys.stdout
-
-
-def _explain(error: BaseException) -> tuple[int, str]:
-    """Exit code and line for an exception that ends the run."""
-    core = sys.modules.get("exactarm._core")
-    if isinstance(error, InputError) or (core is not None and isinstance(error, core.InvalidArgument)):
-        return BAD_INPUT, str(error)
-    if isinstance(error, ComputationError):
-        return FAILED, str(error)
-    if isinstance(error, KeyboardInterrupt):
-        return INTERRUPTED, "interrupted; nothing was written"
-    name = type(error).__name__
-    if isinstance(error, MemoryError):
-        return (
-            FAILED, f"not enough memory ({error}); expected fewer rows at a time"
-            if str(error) else "not enough memory"
-        )
-    if isinstance(error, OSError):  # the machine's limits: disk, files, pipe
-        place = f"{error.filename}: " if error.filename else ""
-        return FAILED, f"{place}{error.strerror or error}"
-    return FAILED, f"unexpected {name}: {error} (a fault in exactarm; --debug prints the traceback)"
 
 
 def _run(words: list[str], progress: Progress, package: str) -> int:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import os
 from collections.abc import Collection, Mapping
 from dataclasses import replace
 from functools import cache
@@ -87,7 +88,7 @@ def load_robot(name_or_path: str | Path) -> Robot:
         return replace(read_ur_calibration(file, load_robot(nominal)), file=text)
     if is_table(path):
         raise InputError("is measured data; expected a robot before it", file=text)
-    if path.suffix.lower() == ".toml" or path.exists() or len(path.parts) > 1:
+    if path.suffix.lower() == ".toml" or os.path.exists(path) or len(path.parts) > 1:
         return read_robot(path)
     raise InputError(no_such_robot(text, shipped_robots()), file=text or repr(text))
 
@@ -396,5 +397,4 @@ class _Reader:
 
 
 def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+    return text if len(text := repr(value)) <= 60 else text[:57] + "..."

@@ -62,6 +62,42 @@ def test_what_has_not_changed_is_kept_and_what_has_is_computed(tmp_path):
     assert ea.batch(rows, tmp_path, seed=2)["done"] == 1
 
 
+@pytest.mark.parametrize("spoil", [
+    lambda place: ea.export("racer-7-1.4", format="urdf").save(place),
+    lambda place: (place / "result.json").write_text('{"exactarm"'),
+    lambda place: (place / "result.json").unlink(),
+    lambda place: (place / ".batch").write_bytes(b"\xff"),
+])
+def test_a_result_that_is_not_the_jobs_own_is_computed_again(spoil, tmp_path):
+    rows = [{"name": "one", "command": "export", "robot": "ur10", "format": "csv"}]
+    assert ea.batch(rows, tmp_path)["done"] == 1 and ea.batch(rows, tmp_path)["kept"] == 1
+    spoil(tmp_path / "one")
+    assert ea.batch(rows, tmp_path)["done"] == 1
+    assert "ur10" in (tmp_path / "one/result.json").read_text()
+
+
+@pytest.mark.parametrize("robot, files", [("x" * 300, SERIES), ("ur10", "x" * 300)])
+def test_a_name_that_no_file_can_have_fails_its_job_alone(robot, files, tmp_path):
+    rows = [{"command": "evaluate", "robot": robot, "files": files},
+            {"command": "export", "robot": "ur10", "format": "csv"}]
+    fleet = ea.batch(rows, tmp_path)
+    assert [job["state"] for job in fleet["jobs"]] == ["failed", "done"]
+    assert fleet["jobs"][0]["why"].startswith("x" * 300 + ": ")
+
+
+@pytest.mark.parametrize("error, said", [
+    (OSError(28, "No space left on device", "a.csv"), "a.csv: No space left on device"),
+    (MemoryError("1 TB"), "not enough memory (1 TB); expected fewer rows at a time"),
+])
+def test_a_limit_of_the_machine_is_no_fault_of_a_job(error, said, tmp_path, monkeypatch):
+    def full(*_):
+        raise error
+
+    monkeypatch.setattr("exactarm.commands.batch.execute", full)
+    fleet = ea.batch([{"command": "export", "robot": "ur10", "format": "csv"}], tmp_path)
+    assert fleet["jobs"][0]["why"] == said and fleet.exit_code == 1
+
+
 @pytest.mark.slow
 def test_any_executor_runs_the_jobs(manifest, tmp_path):
     with ThreadPoolExecutor(2) as pool:

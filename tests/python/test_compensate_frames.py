@@ -54,6 +54,13 @@ def test_reference_points_remove_the_gauge(tmp_path):
     assert "reference points" in points.choice and "remove it" in nominal.choice
 
 
+def test_reference_points_that_are_copies_are_left_out_and_said(tmp_path):
+    robot, model, base, flange = arms()
+    path = touched(tmp_path, robot, model, base, flange, np.repeat(reachable(robot, 12), 2, axis=0))
+    (warning,) = cell_frames(robot, path, Placement()).warnings
+    assert warning.startswith("points.csv: 12 of 24 rows are copies of others")
+
+
 def test_three_points_improve_what_they_can(tmp_path):
     robot, model, base, flange = arms()
     q = reachable(robot, 60)

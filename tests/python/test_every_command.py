@@ -1,6 +1,6 @@
-"""What holds for every command, by its short run: the same bits on any number of threads and for any order
-of Python's sets, no file outside its folders, no network, no program; one owner of a folder; a full disk is
-one line."""
+"""What holds for every command, by its short run: the same bits on any number of threads, for any size of
+blocks and any order of Python's sets, no file outside its folders, no network, no program; one owner of a
+folder; a full disk is one line."""
 
 import json
 import os
@@ -11,12 +11,20 @@ import sys
 from fnmatch import fnmatch
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import exactarm as ea
 from exactarm import cli
 from exactarm.commands.execute import parse
 from exactarm.commands.listing import import_command
 from exactarm.commands.output import WRITTEN, OutputFolder, may_write
+from exactarm.commands.plain import plain
+from exactarm.diagnose import fitted, self_test
+from exactarm.first_aid import misfit
+from exactarm.identify import evaluate
+from exactarm.robot_file import shipped_robots
+from exactarm.verify import held_out
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
@@ -117,3 +125,58 @@ def test_a_folder_of_another_run_or_one_that_is_read_only_is_refused(command, fo
     assert capsys.readouterr().err.startswith("exactarm: error: /proc/exactarm: cannot write here")
 
 
+
+
+NO_NAME = "x" * 300  # longer than a file system's names
+
+
+@pytest.mark.parametrize("command", RUNS)
+def test_a_name_that_no_file_can_have_is_bad_input(command, folder, tmp_path, capsys):
+    words = words_of(command, folder, tmp_path / "out")
+    places = [k for k, word in enumerate(words[: words.index("--out")])
+              if Path(word).is_file() or word in shipped_robots()]
+    assert places or command == "demo"
+    for place in places:
+        assert cli.main([*words[:place], NO_NAME, *words[place + 1:]]) == 2, words[place]
+        told = capsys.readouterr().err
+        assert told.startswith("exactarm: error: ") and told.count("\n") == 1
+
+
+BLOCKS = ((evaluate, "BLOCK_ROWS", 7), (held_out, "BLOCK_ROWS", 7), (misfit, "_MOST_TOGETHER", 50),
+          (self_test, "_STRIP", 11))
+
+
+@pytest.mark.parametrize("command", ["evaluate", "certify",
+                                     pytest.param("diagnose", marks=pytest.mark.slow)])
+def test_the_size_of_the_blocks_gives_the_same_bits(command, folder, tmp_path, monkeypatch):
+    found = []
+    for blocks in ((), BLOCKS):
+        for module, name, size in blocks:
+            assert getattr(module, name) > size
+            monkeypatch.setattr(module, name, size)
+        assert cli.main(words_of(command, folder, tmp_path / "out")) == 0
+        found.append(content(tmp_path / "out"))
+        shutil.rmtree(tmp_path / "out")
+    assert found[0]["result.json"]["robot"] and found[0].keys() == found[1].keys()
+    assert [name for name in found[0] if found[0][name] != found[1][name]] == []
+
+
+def numbers(value: object, name: str = "") -> dict[str, object]:
+    """Path -> what stands there."""
+    parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    if not isinstance(value, (dict, list)):
+        return {name: value}
+    return {path: each for key, part in parts for path, each in numbers(part, f"{name}.{key}").items()}
+
+
+def test_the_size_of_the_blocks_of_columns_changes_the_rounding_alone(monkeypatch):
+    """Of a product with the same matrix, which adds up in another order where it is wider."""
+    data = ea.read(ea.example("kr300/run_A"), "kr300", kind="gear_run")
+    data, found = data.select(np.arange(0, len(data), 4)), []
+    for size in (fitted._BLOCK_COLUMNS, 11):
+        monkeypatch.setattr(fitted, "_BLOCK_COLUMNS", size)
+        found.append(numbers(lasting(plain(ea.diagnose("kr300", data, threads=1).json))))
+    assert found[0].keys() == found[1].keys()
+    for name, value in found[0].items():
+        same = pytest.approx(value, rel=1e-9) if isinstance(value, float) else value
+        assert found[1][name] == same, name

@@ -13,6 +13,7 @@ import pytest
 from exactarm.chain import gear_record
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.errors import InputError
+from exactarm.identify import gear_axis
 from exactarm.identify.gear import identify_gears
 from exactarm.robot.robot import GearTable
 from gear_simulation import GearRuns, simulate
@@ -182,3 +183,33 @@ def test_an_arm_that_swings_behind_its_ramps_does_not_hide_the_gear():
     assert np.min(np.abs(found.gears[0].table.order - RATIO)) < 0.5
     assert abs(deviation(robot, swung)) < 3.0
     assert not any("swings" in words for words in identify_gears(robot, data).warnings)
+
+
+def in_steps(motor, columns):
+    """Which columns are told, one by one, by what is left of each beside those before it."""
+    basis, chosen = [motor / np.linalg.norm(motor)], []
+    for column in columns.T:
+        rest = column - sum(one * (one @ column) for one in basis)
+        chosen.append(np.linalg.norm(rest) > np.sqrt(gear_axis._TELLS_BIAS) * np.linalg.norm(column) > 0.0)
+        basis += [rest / np.linalg.norm(rest)] if chosen[-1] else []
+    return np.array(chosen)
+
+
+@pytest.mark.parametrize("kind", ["runs", "sizes", "dependent", "zeros", "like the motor"])
+def test_disturbances_that_can_be_told_are_those_of_one_by_one(kind):
+    random = np.random.default_rng(4)
+    for _ in range(40):
+        rows, count = int(random.integers(30, 200)), int(random.integers(2, 12))
+        columns, motor = random.normal(size=(rows, count)), random.normal(size=rows)
+        if kind == "runs":
+            columns = (np.arange(rows)[:, None] * count // rows == np.arange(count)).astype(float)
+        if kind == "sizes":
+            columns *= 10.0 ** random.uniform(-6.0, 6.0, count)
+        if kind == "dependent":
+            columns = columns[:, : count // 2] @ random.normal(size=(count // 2, count))
+        if kind == "zeros":
+            columns[:, random.integers(count)] = 0.0
+        if kind == "like the motor":
+            motor = 3.0 * columns[:, 0] + 1e-3 * motor
+        found = gear_axis._tellable(motor, columns)
+        assert np.array_equal(found, in_steps(motor, columns)) and found.any()

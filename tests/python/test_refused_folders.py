@@ -1,9 +1,11 @@
 """A folder that could not take the results is refused before the work: exit 2, one line, what stood there
 stands there still."""
 
+import contextlib
+import ctypes
 import json
-import os
 import re
+import subprocess
 import sys
 from pathlib import Path
 
@@ -17,9 +19,7 @@ from exactarm.commands.output import ALWAYS, PICTURES, OutputFolder, may_write
 from exactarm.errors import InputError
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-from robustness.short_runs import RUNS, prepare, words_of
-
-ROOT = os.geteuid() == 0
+from robustness.short_runs import RUNS, environment, prepare, words_of
 
 
 @pytest.fixture(scope="module")
@@ -124,10 +124,6 @@ def _own_result(out):
     (out / "result.json").write_text('{"of": "another program"}')
 
 
-def _read_only(out):
-    out.mkdir(mode=0o500)
-
-
 def _locked_list(out):
     (out / ".written").mkdir(parents=True)
 
@@ -139,14 +135,12 @@ OBSTACLES = {
     _plots_file: "plots: stands where a folder of plots is to be written",
     _plots_elsewhere: "plots: stands where a folder of plots is to be written",
     _own_result: "result.json: would be overwritten",
-    _read_only: "expected a folder", _locked_list: "expected a folder",
+    _locked_list: "expected a folder",
 }
 
 
 @pytest.mark.parametrize("obstacle", OBSTACLES)
 def test_what_stands_in_the_way_is_found_before_the_work(obstacle, tmp_path, monkeypatch, capsys):
-    if obstacle is _read_only and ROOT:
-        pytest.skip("root writes everywhere")
     out = tmp_path / "parent" / "out"
     if obstacle is not _under_a_file:
         out.parent.mkdir()
@@ -197,6 +191,96 @@ def test_what_comes_into_the_way_during_the_work_is_found_at_its_end(tmp_path):
         (tmp_path / "a.csv").write_text("mine")
         with pytest.raises(InputError, match=r"a\.csv: would be overwritten"):
             folder.publish()
+
+
+# -- read-only folders -------------------------------------------------------------------------------------
+DAC_OVERRIDE, PR_CAPBSET_DROP = 1, 24  # the capability by which root writes into what is read-only
+ALL_COMMANDS = """
+import contextlib, io, json, sys
+from exactarm import cli
+told = []
+for words in json.load(sys.stdin):
+    with contextlib.redirect_stderr(io.TextIOWrapper(io.BytesIO(), "utf-8")) as said:
+        code = cli.main(words)
+        said.flush()
+        told.append([code, said.buffer.getvalue().decode()])
+print("\\n" + json.dumps(told))
+"""
+
+
+def as_a_user(lines: list[list[str]], samples: Path, where: Path) -> list[list]:
+    """Exit code and stderr of each line, in the folder `where`, by a process that permissions bind."""
+    libc = ctypes.CDLL(None)
+    done = subprocess.run([sys.executable, "-c", ALL_COMMANDS], input=json.dumps(lines), cwd=where, text=True,
+                          capture_output=True, check=True,
+                          env=environment(Path(cli.__file__).parents[1], samples),
+                          preexec_fn=lambda: libc.prctl(PR_CAPBSET_DROP, DAC_OVERRIDE, 0, 0, 0))
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+@contextlib.contextmanager
+def read_only(*folders: Path):
+    for each in folders:
+        each.chmod(0o555)
+    try:
+        yield
+    finally:
+        for each in folders:
+            each.chmod(0o755)
+
+
+def files(folder: Path) -> dict[Path, bytes]:
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_every_command_refuses_a_read_only_folder_and_leaves_the_result_in_it(folder, tmp_path):
+    ea.export("ur10", format="urdf").save(tmp_path / "out")
+    (tmp_path / "out/plots").mkdir()
+    (tmp_path / "out/.partial").mkdir()  # of a run that was killed
+    before = files(tmp_path)
+    for shut, said in (("out", "out: cannot write here"), ("out/plots", "plots: stands where a folder")):
+        names = [name for name in RUNS if shut == "out" or PICTURES[0] in may_write(
+            import_command(name), parse(import_command(name), words_of(name, folder, tmp_path)[1:]))]
+        with read_only(tmp_path / shut, tmp_path):
+            told = as_a_user([words_of(name, folder, tmp_path / "out") for name in names], folder, tmp_path)
+        for name, (code, line) in zip(names, told, strict=True):
+            assert code == 2 and line.count("\n") == 1 and said in line, (name, line)
+        assert len(names) >= 8 and files(tmp_path) == before
+
+
+def test_a_read_only_working_folder_is_no_obstacle(folder, tmp_path):
+    (tmp_path / "cwd").mkdir()
+    names = ["export", "merge", "accept", "evaluate", "simulate"]
+    with read_only(tmp_path / "cwd"):
+        told = as_a_user([words_of(name, folder, tmp_path / name) for name in names], folder,
+                         tmp_path / "cwd")
+        shut = as_a_user([words_of("export", folder, Path("out"))], folder, tmp_path / "cwd")
+    assert told == [[0, ""]] * len(names) and list((tmp_path / "cwd").iterdir()) == []
+    assert all((tmp_path / name / "result.json").exists() for name in names)
+    assert shut == [[2, "exactarm: error: out: cannot write here (Permission denied), expected a folder\n"]]
+
+
+def test_a_read_only_folder_of_one_job_stops_no_other(tmp_path, folder):
+    (tmp_path / "manifest.csv").write_text("name,command,robot,format\none,export,ur10,csv\n"
+                                           "two,export,ur10,csv\n")
+    words = ["batch", str(tmp_path / "manifest.csv"), "--out", str(tmp_path / "fleet"), "--quiet"]
+    (tmp_path / "fleet/one").mkdir(parents=True)
+    ea.export("ur10", format="urdf").save(tmp_path / "fleet/one")
+    before = files(tmp_path / "fleet/one")
+    with read_only(tmp_path / "fleet/one"):
+        [[code, line]] = as_a_user([words], folder, tmp_path)
+    assert code == 1 and line.count("\n") == 1
+    assert line.endswith("1 failed. one: "
+                         f"{tmp_path}/fleet/one: cannot write here (Permission denied), expected a folder\n")
+    assert files(tmp_path / "fleet/one") == before and (tmp_path / "fleet/two/result.json").exists()
+
+
+def test_a_read_only_library_of_effects_is_one_line(folder, tmp_path):
+    (folder / "effects").mkdir(exist_ok=True)
+    with read_only(folder / "effects"):
+        [[code, line]] = as_a_user([words_of("accept", folder, tmp_path / "out")], folder, tmp_path)
+    assert code == 2 and line.count("\n") == 1 and "effects: cannot be written (Permission denied)" in line
+    assert not (tmp_path / "out/result.json").exists()
 
 
 def test_every_command_says_what_it_writes():

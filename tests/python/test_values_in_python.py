@@ -104,8 +104,8 @@ def test_corrected_programs_are_a_value(tmp_path):
 
 
 REFUSED = {
-    "data given as DataFrame; expected files, or what exactarm.read returns":
-        lambda data: ea.calibrate("ur10", pd.DataFrame({"q_1_rad": [0.0]})),
+    "data given as DataFrame; expected files":
+        lambda data: ea.identifiable("ur10", pd.DataFrame({"q_1_rad": [0.0]})),
     "data given as int; expected files": lambda data: ea.calibrate("ur10", [1, 2]),
     "data given as Dataset; expected files": lambda data: ea.identifiable("ur10", data),
     r"read takes the files first, then the robot: read\(files, robot\)":

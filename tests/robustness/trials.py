@@ -29,13 +29,15 @@ import numpy as np
 from exactarm import cli
 from exactarm.commands.about import about_of
 from exactarm.commands.accept import accept
+from exactarm.commands.batch import read_jobs
 from exactarm.commands.design_for import read_experiments
 from exactarm.commands.execute import parser_of
 from exactarm.commands.listing import import_command
 from exactarm.compensate.formats import jobs
 from exactarm.compensate.setting import Setting
-from exactarm.data.dataset import Dataset, read_dataset, read_planned_poses
+from exactarm.data.dataset import Dataset, read_dataset, read_joint_log, read_planned_poses
 from exactarm.data.fixture import load_fixture
+from exactarm.data.point_text import read_points
 from exactarm.data.session_table import with_sessions
 from exactarm.errors import InputError
 from exactarm.plan.path_file import load_path
@@ -89,6 +91,9 @@ READERS: dict[str, Callable[[Path], object]] = {
     "experiments.json": lambda path: read_experiments(path, shipped("ur10")),
     "about.toml": lambda path: about_of(path, {}),
     "calibration.conf": lambda path: load_robot(f"{path}#ur10"),
+    "points.txt": lambda path: read_points(path, "mm"),
+    "log.csv": lambda path: read_joint_log(path, shipped("ur10"), text=("name", "group")),
+    "manifest.csv": read_jobs,
     **{name: _program(name) for name in PROGRAMS},
 }
 COMMANDS: tuple[tuple[str, ...], ...] = (

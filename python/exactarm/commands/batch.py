@@ -5,7 +5,7 @@ no other.
 
 A job is a row: name, command, robot, files (with ; between); further columns are options of its command. Its
 key is the SHA-256 of command, options, version, robot file and data; `FOLDER/NAME/.batch` keeps the key of a
-finished job.
+finished job and the SHA-256 of its result.json.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import difflib
 import hashlib
 import io
 import json
+import os
 import re
 import time
 from collections.abc import Mapping, Sequence
@@ -26,6 +27,7 @@ from typing import Any
 
 import exactarm
 from exactarm.commands.execute import execute, parse, parser_of
+from exactarm.commands.failure import explain
 from exactarm.commands.listing import find_commands, import_command
 from exactarm.commands.outcome import Asked
 from exactarm.commands.output import ALWAYS, OutputFolder
@@ -34,7 +36,7 @@ from exactarm.commands.publish import publish, sources
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import JOBS, STEPS
 from exactarm.data.split import DEFAULT_SEED
-from exactarm.errors import ComputationError, InputError
+from exactarm.errors import InputError
 from exactarm.files.examples import file_or_example
 from exactarm.files.file_bytes import file_bytes
 from exactarm.files.table import parquet_table
@@ -164,11 +166,9 @@ def run_job(job: Job, folder: Path, threads: int = 1) -> Outcome:
                             SILENT)
         if published.result.exit_code:
             return _failed(job, published.report.verdict, time.perf_counter() - started)
-        (place / KEY).write_text(job.key)
-    except (InputError, ComputationError) as error:
-        return _failed(job, str(error), time.perf_counter() - started)
-    except Exception as error:  # a fault of one job is told, and the others still run
-        return _failed(job, f"unexpected {type(error).__name__}: {error}", time.perf_counter() - started)
+        (place / KEY).write_text(_mark(job, place))
+    except Exception as error:  # told of this job, and the others still run
+        return _failed(job, explain(error)[1], time.perf_counter() - started)
     return _outcome(job, Path(folder), "done")
 
 
@@ -247,7 +247,7 @@ def _job(row: Mapping[str, str], number: int, beside: Path, file: Any, seed: int
     if not re.fullmatch(r"[\w-][\w.-]*", name) or len(name.encode()) > _LONGEST_NAME:
         raise InputError(f"{name[:_LONGEST_NAME]!r}; expected letters, digits, _ . and -, at most "
                          f"{_LONGEST_NAME} bytes", file=file, row=number, column="name")
-    near = lambda word: str(beside / word) if (beside / word).exists() else word
+    near = lambda word: str(beside / word) if os.path.exists(beside / word) else word
     robot, files = near(row["robot"]), [near(word.strip()) for word in row.get("files", "").split(";")
                                         if word.strip()]
     for column, word in [("robot", robot), *(("files", each) for each in files)]:
@@ -258,17 +258,23 @@ def _job(row: Mapping[str, str], number: int, beside: Path, file: Any, seed: int
         if key in (*COLUMNS, "seed") or value.lower() in ("false", "no"):
             continue
         words += [f"--{key.replace('_', '-')}", *([] if value.lower() in ("true", "yes") else [value])]
-    hashes = [sha256(path) for path in map(file_or_example, words) if path.is_file()]
+    hashes = [sha256(path) for path in map(file_or_example, words) if os.path.isfile(path)]
     key = hashlib.sha256(json.dumps([exactarm.__version__, command, words, hashes]).encode()).hexdigest()
     return Job(name, command, robot, tuple(words), key)
 
 
 # -- outcomes ----------------------------------------------------------------------------------------
+def _mark(job: Job, place: Path) -> str:
+    """What a finished job leaves: its key, and its result, which a run of somebody else may replace."""
+    return f"{job.key} {sha256(place / 'result.json')}"
+
+
 def _kept(job: Job, folder: Path) -> bool:
     place = folder / job.name
-    return (
-        (place / "result.json").is_file() and (place / KEY).is_file() and (place / KEY).read_text() == job.key
-    )
+    try:
+        return (place / KEY).read_text() == _mark(job, place)
+    except (OSError, ValueError):
+        return False
 
 
 def _failed(job: Job, why: str, seconds: float = 0.0) -> Outcome:

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import argparse
 import difflib
+import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from numbers import Number
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
 
 import numpy as np
 
@@ -27,12 +28,16 @@ from exactarm.data.rows import Source
 from exactarm.data.session_table import with_sessions
 from exactarm.errors import InputError
 from exactarm.files.examples import file_or_example
+from exactarm.files.memory_table import MemoryTable, is_memory_table
 from exactarm.robot.robot import Robot
 from exactarm.robot_file import AnyRobot as AnyRobot
 from exactarm.robot_file import load_robot, shipped_robots
 from exactarm.robot_file import robot_of as robot_of
 
-AnyData = Dataset | str | Path | Sequence[str | Path]
+if TYPE_CHECKING:
+    import pandas
+AnyTable: TypeAlias = "str | Path | Mapping[str, Any] | pandas.DataFrame"
+AnyData: TypeAlias = "Dataset | AnyTable | Sequence[AnyTable]"
 AnyFixture = Fixture | str | Path | None
 # names that say their unit, as the functions have them whose options are named one by one
 WITH_UNIT = {"rate_hz": "rate", "tool_m": "tool", "clearance_m": "clearance"}
@@ -46,7 +51,7 @@ def data_of(data: AnyData, robot: Robot, kind: str | None = None, fixture: AnyFi
     estimates."""
     known = load_fixture(fixture, load_robot) if isinstance(fixture, (str, Path)) else fixture
     if not isinstance(data, Dataset):
-        files = [file_or_example(path) for path in files_of(data, "files, or what exactarm.read returns")]
+        files = _tables_of(data)
         data = read_dataset(files, robot, kind, known or Fixture(), columns)
     elif known is not None:
         data = replace(data, fixture=known)
@@ -57,6 +62,14 @@ def data_of(data: AnyData, robot: Robot, kind: str | None = None, fixture: AnyFi
             "`identify` of motions estimate it and write payloads.csv for --sessions",
             file=None if sessions is None else str(sessions), column=PAYLOAD)
     return data
+
+
+def _tables_of(data: Any) -> list[Path | MemoryTable]:
+    """Files and tables in memory, each named by its place in what was given."""
+    one = isinstance(data, str) or is_memory_table(data) or not hasattr(data, "__iter__")
+    expected = "files, tables, or what exactarm.read returns"
+    return [MemoryTable.of(each, i) if is_memory_table(each) else file_or_example(*files_of([each], expected))
+            for i, each in enumerate([data] if one else data, start=1)]
 
 
 def files_of(data: Any, expected: str = "files") -> list[str | Path]:
@@ -86,7 +99,7 @@ def asked(command: str, robot: AnyRobot, data: AnyData | None, seed: int, option
     name = str(robot) if not isinstance(robot, Robot) else robot.name
     files = data.sources if isinstance(data, Dataset) else ()
     read = tuple(files)
-    if not isinstance(robot, Robot) and Path(robot).is_file():
+    if not isinstance(robot, Robot) and os.path.isfile(robot):
         read = (Source(str(robot), sha256(robot)), *read)
     words = [_word(source.path) for source in files] or ([] if data is None else ["data"])
     given = [] if data is None else [words[0] if len(words) == 1 else f"[{', '.join(words)}]"]
@@ -153,9 +166,10 @@ def _word(path: Any) -> str:
     return repr(str(path))
 
 
-def read(files: str | Path | Sequence[str | Path], robot: AnyRobot, *, kind: str | None = None,
+def read(files: AnyTable | Sequence[AnyTable], robot: AnyRobot, *, kind: str | None = None,
          fixture: AnyFixture = None, columns: Mapping[str, str] | None = None) -> Dataset:
-    """Measured data of one or more CSV or Parquet files, in SI units. fixture: what is known of touched
+    """Measured data of one or more CSV or Parquet files, or of tables in memory with the columns of such a
+    file (a DataFrame, a mapping of names to arrays), in SI units. fixture: what is known of touched
     contacts. columns: the files' names -> ours, as {"J1": "q_1_deg"}.
 
         >>> import exactarm as ea
@@ -163,6 +177,6 @@ def read(files: str | Path | Sequence[str | Path], robot: AnyRobot, *, kind: str
         >>> data.kind, data.position.shape
         ('poses', (1495, 3))
     """
-    if isinstance(files, Robot) or files in shipped_robots():
+    if isinstance(files, Robot) or (isinstance(files, str) and files in shipped_robots()):
         raise InputError("read takes the files first, then the robot: read(files, robot)")
     return data_of(files, robot_of(robot), kind, fixture, columns=columns)

@@ -4,9 +4,10 @@ fitted."""
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+import os
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import TRACKED_MOTION
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
+from exactarm.files.memory_table import is_memory_table
 from exactarm.identify.statistics import summarise
 from exactarm.progress import SILENT, Progress
 from exactarm.robot.controller_frames import in_base
@@ -87,10 +89,10 @@ def certify(robot: AnyRobot, data: AnyData, *, before: AnyRobot | None = None, p
         progress.stage(JUDGING)
         certified = _certify(arm, earlier, rows, followed, told, seed, threads_of(threads))
     read = (about, before, *(source.path for each in followed for source in each.sources))
-    inputs = [file for file in read if isinstance(file, (str, Path)) and Path(file).is_file()]
+    inputs = [file for file in read if isinstance(file, (str, Path)) and os.path.isfile(file)]
     options = {"before": before, "path": path or None, "about": about, **details}
     json = results_of(certified)
-    json["robot_sha256"] = sha256(robot) if isinstance(robot, (str, Path)) and Path(robot).is_file() else None
+    json["robot_sha256"] = sha256(robot) if isinstance(robot, (str, Path)) and os.path.isfile(robot) else None
     return CommandResult(
         json=json, report=certificate(certified), tables={"residuals.csv": _table(certified)},
         inputs=tuple(inputs), pdf=PDF,
@@ -106,7 +108,8 @@ def run(arguments: argparse.Namespace) -> CommandResult:
 
 def _followed(path: AnyData, arm: Robot) -> tuple[Dataset, ...]:
     """Tracked motions, file by file: a file without a column `session` was measured in the poses' set-up."""
-    files = [path] if isinstance(path, (str, Path, Dataset)) else list(path)
+    files: list[AnyData] = ([path] if isinstance(path, (str, Path, Dataset)) or is_memory_table(path)
+                            else list(cast(Sequence[AnyData], path)))
     return tuple(data_of(file, arm, TRACKED_MOTION.name) for file in files)
 
 

@@ -25,6 +25,7 @@ from exactarm.data.kinds import POSES
 from exactarm.data.rows import Source
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
+from exactarm.files.memory_table import is_memory_table
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Estimate, Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import quantity
@@ -79,7 +80,7 @@ def check(robot: AnyRobot, before: AnyData, new: AnyData | Sequence[Any], *,
     arm = robot_of(robot)
     poses = lambda each: require_poses(data_of(each, arm, POSES.name, columns=columns))
     reference = poses(before)
-    files = [new] if isinstance(new, (str, Path, Dataset)) else list(new)
+    files = [new] if isinstance(new, (str, Path, Dataset)) or is_memory_table(new) else list(new)
     if not files:
         raise InputError("no data of later days; expected at least one file", file=reference.first_file)
     days = [(_label(each, i), poses(each)) for i, each in enumerate(files, start=1)]
@@ -114,7 +115,7 @@ def _label(data: Any, number: int) -> str:
 def _line(robot: Any, before: Any, files: Sequence[Any], days_per_year: float,
           columns: Mapping[str, str] | None, seed: int) -> str:
     word = lambda value: (repr(str(value)) if isinstance(value, (str, Path)) else "data"
-                          if isinstance(value, Dataset) else "robot")
+                          if isinstance(value, Dataset) or is_memory_table(value) else "robot")
     changed = f", days_per_year={days_per_year:g}" if days_per_year != DAYS_A_YEAR else ""
     changed += f", columns={dict(columns)!r}" if columns else ""
     new = ", ".join(map(word, files))

@@ -33,7 +33,7 @@ class Cost:
 
 COSTS = {
     ("calibrate", POSES.name): Cost(65e3, 4e-4, 50_000),
-    ("diagnose", POSES.name): Cost(1.95e6, 5e-2, 3_500),  # where seven causes are found; else 1.3e6
+    ("diagnose", POSES.name): Cost(1.95e6, 1.6e-2, 3_500),  # bytes where seven causes are found; else 1.0e6
     ("evaluate", POSES.name): Cost(1.5e3),
     ("identify", MOTION.name): Cost(3e3),
     ("gear", GEAR_RUN.name): Cost(5e3),

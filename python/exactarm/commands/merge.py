@@ -83,8 +83,9 @@ def merge(robot: AnyRobot, joints: str | Path, points: str | Path, *, by: str | 
                  {"by": None, "unit": None, "layout": None, "group": [], "columns": None})
     files = tuple(Source(str(path), sha256(path)) for path in (joints, points))
     line = call.line.replace(", ", f", {str(joints)!r}, {str(points)!r}, ", 1)
-    return CommandResult(json=_json(merged, told), report=_report(arm, data, merged, told),
-                         tables={FILE: table}, data=data,
+    warnings = (*_warnings(merged), *data.notes)
+    return CommandResult(json=_json(merged, told, warnings),
+                         report=_report(arm, data, merged, told, warnings), tables={FILE: table}, data=data,
                          asked=replace(call, line=line, files=(*call.files, *files)))
 
 
@@ -191,22 +192,23 @@ def _warnings(merged: _Merged) -> tuple[str, ...]:
     return tuple(out)
 
 
-def _json(merged: _Merged, told: Sequence[str]) -> dict[str, Any]:
+def _json(merged: _Merged, told: Sequence[str], warnings: Sequence[str]) -> dict[str, Any]:
     return {"file": FILE, "rows": len(merged.rows), "by": merged.by, "read": list(told),
             "without_point": list(merged.without_point), "without_angles": list(merged.without_angles),
-            "warnings": list(_warnings(merged))}
+            "warnings": list(warnings)}
 
 
-def _report(arm: Robot, data: Dataset, merged: _Merged, told: Sequence[str]) -> Report:
+def _report(arm: Robot, data: Dataset, merged: _Merged, told: Sequence[str],
+            warnings: tuple[str, ...]) -> Report:
     assert data.position is not None  # of poses
     spread = data.position.max(axis=0) - data.position.min(axis=0)
     lost = len(merged.without_point) + len(merged.without_angles)
     return Report(
         f"Poses of {arm.name}",
-        f"{len(data)} poses are written to {FILE}, merged by {merged.by}"
+        f"{len(merged.rows)} poses are written to {FILE}, merged by {merged.by}"
         + (f"; {lost} have no counterpart." if lost else "."),
-        (Warnings(_warnings(merged)),
-         Highlights((Highlight("poses", Quantity(len(data), "", exact=True)),)),
+        (Warnings(warnings),
+         Highlights((Highlight("poses", Quantity(len(merged.rows), "", exact=True)),)),
          Text("What was read", tuple(f"{line}." for line in told)),
          Table("Extent of the points", ("", "from the lowest to the highest"),
                tuple((axis, Quantity(float(value), "m")) for axis, value in zip("xyz", spread)),

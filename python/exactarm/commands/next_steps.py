@@ -4,6 +4,7 @@ copy, which reads the files that the run has written.
 A paragraph that is one `command` alone is such a line; it stands on a line of its own, as long as it is.
 """
 
+import os
 import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -94,7 +95,7 @@ class _Run:
         """As it was named, or ROBOT where only a value in Python is known."""
         name = self.asked.robot or ""
         named = self.asked.line.startswith("exactarm ") or f"({name!r}" in self.asked.line
-        known = name in shipped_robots() or Path(name.partition("#")[0]).is_file()
+        known = name in shipped_robots() or os.path.isfile(name.partition("#")[0])
         return name if named and known else "ROBOT"
 
     @property

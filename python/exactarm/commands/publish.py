@@ -1,5 +1,6 @@
 """From a `Outcome` to the files of a run and the text on the terminal."""
 
+import os
 import platform
 import time
 from collections.abc import Callable, Iterable
@@ -98,7 +99,7 @@ def sources(paths: Iterable[Any], known: tuple[Source, ...] = ()) -> tuple[Sourc
     """Path, SHA-256 and number of data rows of every path that is a file, once each."""
     seen = {source.path for source in known}
     files = [Path(path) for path in dict.fromkeys(str(path) for path in paths) if str(path) not in seen]
-    return tuple(Source(str(path), sha256(path), rows_of(path)) for path in files if path.is_file())
+    return tuple(Source(str(path), sha256(path), rows_of(path)) for path in files if os.path.isfile(path))
 
 
 def _print(name: str | None, folder: OutputFolder, progress: Progress) -> dict[str, Any]:

@@ -133,11 +133,9 @@ def _by_points(robot: Robot, path: Path, tip: Placement, threads: int) -> CellFr
             "them in the controller's base frame, touched with the tool of --tool (the flange without one)",
             file=path,
         )
-    warnings = (
-        (f"{path.name}: a reference point is {1e3 * missed.max():.2f} mm off after the fit",)
-        if missed.max() > MISSED_M
-        else ()
-    )
+    warnings = tuple(f"{path.name}: {note}" for note in data.notes)
+    if missed.max() > MISSED_M:
+        warnings += (f"{path.name}: a reference point is {1e3 * missed.max():.2f} mm off after the fit",)
     choice = (
         f"Base and flange by {len(data)} reference points of {path.name}: the base moves by "
         f"{1e3 * np.linalg.norm(x[:3]):.3f} mm and "

@@ -47,6 +47,7 @@ from exactarm.data.rows import NO_CONTACT, Rows, Source, by_name
 from exactarm.data.sensor_rows import with_sensors
 from exactarm.data.split import pose_split, run_split, split_rule
 from exactarm.errors import InputError
+from exactarm.files.memory_table import MemoryTable
 from exactarm.files.table import Table, read_table, write_table
 from exactarm.robot.robot import Robot
 
@@ -77,8 +78,9 @@ class Dataset(Rows):
         return split_rule(self, fraction)
 
 
-def read_dataset(paths: str | Path | Sequence[str | Path], robot: Robot, kind: str | None = None,
-                 fixture: Fixture = Fixture(), columns: Mapping[str, str] | None = None) -> Dataset:
+def read_dataset(paths: str | Path | Sequence[str | Path | MemoryTable], robot: Robot,
+                 kind: str | None = None, fixture: Fixture = Fixture(),
+                 columns: Mapping[str, str] | None = None) -> Dataset:
     """One data set from files measured on `robot`. `kind` overrides what the columns say. columns: the files'
     names -> ours, as {"J1": "q_1_deg"}. The order in which several are given means nothing: they are read in
     that of their names. Raises InputError."""
@@ -86,11 +88,11 @@ def read_dataset(paths: str | Path | Sequence[str | Path], robot: Robot, kind: s
     if not paths:
         raise InputError("no data file given; expected at least one CSV or Parquet file")
     for path in paths:
-        if Path(path).suffix.lower() in _ROBOT_FILES:
+        if Path(str(path)).suffix.lower() in _ROBOT_FILES:
             raise InputError("a robot file among the data; expected one robot and what was measured on it; "
                              "an arm that it touches is declared in the fixture file: [partner] robot, and "
                              "columns partner_q_i", file=str(path))
-    files = [_read_file(str(path), robot, columns) for path in paths]
+    files = [_read_file(path, robot, columns) for path in paths]
     _check_files(files)
     dataset = replace(_join(files, robot), fixture=fixture)
     dataset = without_frozen(without_held(replace(dataset, **data_kinds(dataset, robot, kind))))
@@ -220,11 +222,11 @@ class _File:
         return RowMarks.of(np.stack(place, 1) if len(place) == len(POSITION) else None)
 
 
-def _read_file(path: str, robot: Robot, given: Mapping[str, str] | None = None,
+def _read_file(source: str | Path | MemoryTable, robot: Robot, given: Mapping[str, str] | None = None,
                text: Sequence[str] = ()) -> _File:
     prismatic = frozenset(i for i, joint in enumerate(robot.joints, start=1) if joint.type == "prismatic")
     words = {*text, *(theirs for theirs, ours in (given or {}).items() if ours in text)}
-    table = read_table(path, ("set", *words), may_be_empty)
+    path, table = str(source), read_table(source, ("set", *words), may_be_empty)
     kept: dict[str, list[str]] = {}
     columns: dict[tuple[str, int | None] | str, Column] = {}
     values: dict[tuple[str, int | None] | str, np.ndarray] = {}

@@ -29,6 +29,7 @@ Another arm that the target touches, ball to ball (columns partner_q_i):
 not given. Without `session` an entry holds at every session. Lengths in m inside.
 """
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -214,7 +215,7 @@ def _partner(entry: _Entry, robots: Callable[[str], Robot] | None) -> Partner:
     named = entry.take("robot", lambda v: isinstance(v, str) and v != "",
                        "the robot file of the other arm, or a shipped name")
     beside = Path(entry.path).parent / named
-    file = str(beside) if beside.is_file() else named
+    file = str(beside) if os.path.isfile(beside) else named
     return Partner(file, entry.metres("distance_mm"), entry.metres("sigma_mm", 1e3 * SIGMA_M),
                    None if robots is None else robots(file))
 

@@ -43,7 +43,7 @@ class Source:
         return self.is_file(entry) or self.marks.some_rows(entry)
 
 
-def by_name(path: str | Path) -> list[tuple[int, str]]:
+def by_name(path: object) -> list[tuple[int, str]]:
     """A sort key for files, however they are given: day2 before day10."""
     return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"([0-9]+)", str(path))]
 

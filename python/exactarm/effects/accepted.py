@@ -20,7 +20,7 @@ def effects_folder() -> Path:
 def accepted_drafts() -> list[dict]:
     """The entries of all files, by name; a file that cannot be read raises as TOML does."""
     folder = effects_folder()
-    if not folder.is_dir():
+    if not os.path.isdir(folder):
         return []
     found = []
     for path in sorted(folder.glob("*.toml")):

@@ -27,11 +27,13 @@ from exactarm.files.csv_dialect import Dialect, dialect_of, split_header
 from exactarm.files.examples import meant_example
 from exactarm.files.file_bytes import file_bytes
 from exactarm.files.free_memory import GIGABYTE, SHARE, free_bytes
+from exactarm.files.memory_table import MemoryTable
 
 LARGEST_NUMBER = 1e30  # its square and the square's sum over all rows are still numbers
 _COPIES = 2.0  # of a Parquet file's numbers: Arrow's, and the table's
 _NOT_BLANK = re.compile(rb"\S")
 _BEFORE_HEADER = re.compile(rb"(?:\xef\xbb\xbf)?(?:sep=.\r?\n)?")  # mark of UTF-8; Excel's line
+_PLAIN = Dialect(",", ".")
 _NO_CSV = {b"PK\x03\x04": "an Excel workbook or another archive", b"\xd0\xcf\x11\xe0": "an Excel workbook",
            b"\xff\xfe": "text in UTF-16", b"\xfe\xff": "text in UTF-16"}  # first bytes -> what it is
 
@@ -45,20 +47,25 @@ class Table:
     rows: int
 
 
-def read_table(path: str | Path, text: Collection[str] = (),
+def read_table(path: str | Path | MemoryTable, text: Collection[str] = (),
                may_be_empty: Callable[[list[str]], Collection[str]] = lambda names: ()) -> Table:
-    """All columns of a CSV or Parquet file; those named in `text` as strings (N,) object.
+    """All columns of a CSV or Parquet file, or of a table in memory; those named in `text` as strings.
 
     may_be_empty(names of all columns): those in which an empty cell is no fault but NaN.
     """
-    content = _read_bytes(path)
-    arrow = _parquet(path, content, text) if _is_parquet(path) else _csv(path, content, text, may_be_empty)
+    if isinstance(path, MemoryTable):
+        path, arrow, sha256 = path.label, _memory(path, text, may_be_empty), path.sha256
+    else:
+        content = _read_bytes(path)
+        arrow = (_parquet(path, content, text) if _is_parquet(path)
+                 else _csv(path, content, text, may_be_empty))
+        sha256 = hashlib.sha256(content).hexdigest()
     if arrow.num_rows == 0:
         raise InputError("no data rows below the header; expected at least one", file=path)
     gaps = may_be_empty(arrow.column_names)
     columns = {name: _numpy(path, name, arrow.column(i), name in text, name in gaps)
                for i, name in enumerate(arrow.column_names)}
-    return Table(columns, hashlib.sha256(content).hexdigest(), arrow.num_rows)
+    return Table(columns, sha256, arrow.num_rows)
 
 
 def column_names(path: str | Path) -> list[str]:
@@ -282,7 +289,28 @@ def _is_numeric(kind: pa.DataType) -> bool:
     return any(test(kind) for test in tests)
 
 
-# -- both --------------------------------------------------------------------------------------------
+# -- in memory ---------------------------------------------------------------------------------------
+def _memory(table: MemoryTable, text: Collection[str], may_be_empty: Callable) -> pa.Table:
+    _check_names(table.label, table.names)
+    gaps = may_be_empty(table.names)
+    columns = {}
+    for name, values in zip(table.names, table.values, strict=True):
+        if name in text or values.dtype.kind not in "biuf":
+            cells = pa.chunked_array([pa.array([_cell(value) for value in values], pa.string())])
+            columns[name] = cells if name in text else pa.chunked_array([pa.array(
+                _numbers(table.label, name, cells, name in gaps, _PLAIN), pa.float64())])
+        else:
+            columns[name] = pa.chunked_array([pa.array(values.astype(float))])
+    return pa.table(columns)
+
+
+def _cell(value: object) -> str:
+    """As a CSV file would hold it; None and NaN, in whichever way pandas has them, are empty cells."""
+    missing = value is None or str(value) in ("<NA>", "NaT", "nan")
+    return "" if missing else str(value)
+
+
+# -- all ---------------------------------------------------------------------------------------------
 def _numpy(path: str | Path, name: str, column: pa.ChunkedArray, is_text: bool, has_gaps: bool) -> np.ndarray:
     if is_text:
         return column.fill_null("").to_numpy()

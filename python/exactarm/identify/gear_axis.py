@@ -231,13 +231,13 @@ def _solved(normal: np.ndarray, right: np.ndarray, priors: np.ndarray,
 
 
 def _tellable(motor: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """(k,) disturbances that neither the motor's column nor an earlier disturbance imitates."""
-    basis = [motor / np.linalg.norm(motor)]
-    chosen = np.zeros(columns.shape[1], bool)
-    for k, column in enumerate(columns.T):
-        norm = np.linalg.norm(column)
-        rest = column - sum(one * (one @ column) for one in basis)
-        if norm > 0.0 and np.linalg.norm(rest) > np.sqrt(_TELLS_BIAS) * norm:
+    """(k,) disturbances that neither the motor's column nor an earlier disturbance imitates: what is left of
+    their squares, beside those, stands on the diagonal of the products."""
+    across = motor @ columns
+    left = columns.T @ columns - np.outer(across, across) / (motor @ motor)
+    least, chosen = _TELLS_BIAS * np.einsum("ij,ij->j", columns, columns), np.zeros(columns.shape[1], bool)
+    for k in range(columns.shape[1]):
+        if left[k, k] > least[k]:
             chosen[k] = True
-            basis.append(rest / np.linalg.norm(rest))
+            left = left - np.outer(left[:, k], left[k]) / left[k, k]
     return chosen

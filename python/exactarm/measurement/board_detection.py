@@ -40,7 +40,7 @@ def find_corners(picture: str | Path, setup: CameraSetup) -> tuple[np.ndarray, n
     """Corners by their numbers on the board; none where the board is not seen."""
     cv2 = opencv()
     with _unheard():
-        image = cv2.imread(str(picture), cv2.IMREAD_GRAYSCALE) if Path(picture).is_file() else None
+        image = cv2.imread(str(picture), cv2.IMREAD_GRAYSCALE) if os.path.isfile(picture) else None
     if image is None:
         raise InputError("cannot be read as a picture; expected a .png, .jpg, .bmp or .tif file of at most "
                          f"{MOST_PIXELS / 1e6:.0f} million pixels", file=str(picture))
