@@ -1,11 +1,13 @@
 """Evidence of sets of causes: the same as the dense Gaussian formulas, and no name for noise."""
 
 
+from math import factorial
+
 import numpy as np
 import pytest
 
 from exactarm.diagnose.evidence import Members, Picture, compressed
-from exactarm.diagnose.search import _richer, search, weight_of
+from exactarm.diagnose.search import FURTHER, _richer, log_prior_of_count, search, weight_of
 from exactarm.diagnose.self_test import _Parts
 from exactarm.diagnose.signal import ANGLE, LOAD, Signal, turn_of
 from exactarm.diagnose.unknown import Unknown, basis_of, sizes_of, unknown_functions
@@ -148,6 +150,23 @@ def test_probabilities_of_sets_sum_to_one_and_inclusion_follows():
     assert total == pytest.approx(1.0)
     inclusion = posterior.inclusion()
     assert inclusion["cause_3"] == pytest.approx(posterior.probability(lambda labels: "cause_3" in labels))
+
+
+@pytest.mark.parametrize("known", [0, 1, 3])
+def test_the_prior_of_the_number_of_causes_is_a_law(known):
+    each = [np.exp(log_prior_of_count(count, known)) / factorial(count) for count in range(40)]
+    assert sum(each) == pytest.approx(1.0)
+    assert each[3] / each[2] == pytest.approx(FURTHER)
+
+
+def test_a_cause_beside_others_is_rarer_wherever_they_stand():
+    """In the set, in the noise, or in the fit."""
+    one, two = Members((1,), (3,)), Members((1, 6), (3, 3))
+    pic = picture(9, planted=(1, 6))
+    in_noise = pic.beside(one)
+    gain = weight_of(in_noise, Members((6,), (3,))) - weight_of(in_noise, Members((), ()))
+    # as a set of two the pair may have come in either order
+    assert weight_of(pic, two) - weight_of(pic, one) == pytest.approx(gain + np.log(2.0), abs=1e-6)
 
 
 def test_weight_of_a_set_pays_for_each_cause():

@@ -89,8 +89,8 @@ class Absorbed:
         count = max(noise.numbers - float(spent.sum()), 1.0)
         return Absorbed(basis, r - basis @ (basis.T @ r), noise, measured, count, spent)
 
-    def picture(self, vocabulary: Vocabulary) -> Picture:
-        """Of the columns of a vocabulary beside the declared ones."""
+    def picture(self, vocabulary: Vocabulary, known: int = 0) -> Picture:
+        """Of the columns of a vocabulary beside the declared ones and `known` causes."""
         c = np.empty((self.measured, vocabulary.width), order="F")  # read column by column
         for where, responses in vocabulary.strips(_IN_CACHE):
             c[:, where] = self.noise.whiten(responses)
@@ -103,9 +103,9 @@ class Absorbed:
             cleared = -self.basis @ absorbed
             cleared[: self.measured] += c
             columns, residual = compressed(cleared, self.residual)
-            return Picture(vocabulary, self, absorbed, columns, residual, (absorbed[:0], np.zeros(0)),
+            return Picture(vocabulary, self, absorbed, columns, residual, (absorbed[:0], np.zeros(0)), known,
                            rows=(c, r))
-        return Picture(vocabulary, self, absorbed, c, r, (absorbed, np.zeros(len(absorbed))))
+        return Picture(vocabulary, self, absorbed, c, r, (absorbed, np.zeros(len(absorbed))), known)
 
 
     def parted(self, folds: np.ndarray) -> CrossValidation:
@@ -116,14 +116,15 @@ class Absorbed:
 class Picture:
     """The linear picture of one fit: columns, residual and count of independent numbers. Immutable by use.
 
+    known: so many causes are in the fit or in the noise already;
     taken: (K, p) of the columns and (K,) of the residual, what the declared parameters absorb and what sets
     explain that have become part of the noise: all products are C'V^-1 C = C'C - taken'taken."""
 
     def __init__(self, vocabulary: Vocabulary, absorbed: Absorbed, crossed: np.ndarray, columns: np.ndarray,
-                 residual: np.ndarray, taken: tuple[np.ndarray, np.ndarray],
+                 residual: np.ndarray, taken: tuple[np.ndarray, np.ndarray], known: int = 0,
                  closed: frozenset[int] = frozenset(), rows: tuple[np.ndarray, np.ndarray] | None = None,
                  before: Picture | None = None):
-        self.closed = closed  # blocks that are not to be added
+        self.closed, self.known = closed, known  # closed: blocks that are not to be added
         self.vocabulary, self.columns, self.residual = vocabulary, columns, residual
         self.absorbed, self.count, self.taken = absorbed, absorbed.count, taken
         self.crossed = crossed  # (d, p) Q'C
@@ -135,9 +136,9 @@ class Picture:
 
     @staticmethod
     def of(vocabulary: Vocabulary, residual: np.ndarray, declared: np.ndarray, noise,
-           prior: tuple[np.ndarray, np.ndarray] | None = None) -> Picture:
+           prior: tuple[np.ndarray, np.ndarray] | None = None, known: int = 0) -> Picture:
         """As `Absorbed.of`, with the columns of a vocabulary."""
-        return Absorbed.of(residual, declared, noise, prior).picture(vocabulary)
+        return Absorbed.of(residual, declared, noise, prior).picture(vocabulary, known)
 
     def beside(self, members: Members) -> Picture:
         """The picture in which a set is part of the noise, its labels left out of the vocabulary: `taken` of
@@ -150,7 +151,7 @@ class Picture:
         rows = np.asfortranarray(np.concatenate([self.taken[0], cross]))  # read column by column
         taken = rows, np.concatenate([self.taken[1], onto])
         return Picture(self.vocabulary, self.absorbed, self.crossed, self.columns, self.residual, taken,
-                       closed, self.rows, self)
+                       self.known + len(members.blocks), closed, self.rows, self)
 
     @cached_property
     def by_width(self) -> dict[int, np.ndarray]:

@@ -134,7 +134,7 @@ def _causes(problem: Problem, declared: Layout, progress: Progress) -> Causes | 
     refused = 0
     for _ in range(_ROUNDS + _MOST_REFUSED):
         progress(f"{len(chosen)} found so far")
-        found = search_round(problem, At.of(problem, fits[-1], vocabulary), noise)
+        found = search_round(problem, At.of(problem, fits[-1], vocabulary, len(chosen)), noise)
         if found is None or len(places) + len(found.members.blocks) > MOST_AT_ONCE:
             return None
         new = _one_each([p for p in _places(found, len(fits) - 1) if p.probability >= NAMED_AT])

@@ -33,17 +33,18 @@ _LEAST_NATS = 3.0  # in likelihood, below which another family of noise is not w
 
 @dataclass(frozen=True)
 class At:
-    """One fit as the search sees it."""
+    """One fit as the search sees it; known: causes in it."""
 
     fitted: Fitted
     residual: np.ndarray
     jacobian: np.ndarray
     vocabulary: Vocabulary
     groups: np.ndarray
+    known: int = 0
 
     @staticmethod
-    def of(problem: Problem, fitted: Fitted, vocabulary: Vocabulary) -> At:
-        return At(fitted, fitted.residual, fitted.jacobian, vocabulary, problem.groups())
+    def of(problem: Problem, fitted: Fitted, vocabulary: Vocabulary, known: int = 0) -> At:
+        return At(fitted, fitted.residual, fitted.jacobian, vocabulary, problem.groups(), known)
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ def search_round(problem: Problem, at: At, noise: NoiseModel | None) -> Found | 
 def _settled(problem: Problem, at: At, noise: NoiseModel) -> Found | None:
     """Search and noise in turn, until neither changes; None where it asks for too many causes at once."""
     for _ in range(_NOISE_PASSES):
-        picture = Picture.of(at.vocabulary, at.residual, at.jacobian, noise)
+        picture = Picture.of(at.vocabulary, at.residual, at.jacobian, noise, known=at.known)
         found = Found(at, picture, *search(picture, MOST_AT_ONCE + 1), noise, at.residual)
         members = found.members
         if len(members.blocks) > MOST_AT_ONCE:
