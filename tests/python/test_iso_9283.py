@@ -31,6 +31,19 @@ def test_distances_are_judged_visit_by_visit():
     assert found.repeatability == pytest.approx(3 * MM) and found.repeated == 1
 
 
+def test_what_differs_between_directions_scatters_no_distance():
+    """Two poses 100 mm apart, three visits from each side, 0.4 mm apart by the side: RD of each pair is zero,
+    the distances are those of four pairs; a pose's own two sides are no pair."""
+    position = np.zeros((12, 3))
+    position[:, 0] = MM * (np.repeat([0.0, 100.0], 6) + np.tile(np.repeat([0.0, 0.4], 3), 2))
+    joints = {"q": np.repeat([[0.0], [1.0]], 6, axis=0),
+              "approach": np.tile(np.repeat([[-1.0], [1.0]], 3, axis=0), (2, 1))}
+    data = Dataset.of_arrays("poses", joints, position=position)
+    found = iso_9283(data, position, position, 0.0 * position, 0.0 * position, 1).distances
+    assert found.repeatability == pytest.approx(0.0, abs=1e-12) and found.repeated == 4
+    assert sorted(found.length) == pytest.approx([0.0996, 0.1, 0.1, 0.1004])
+
+
 def test_what_differs_between_directions_is_no_drift():
     """Six visits from one side, 1 mm off, then six from the other, 3 mm off: AP of each stays, vAP = 2 mm."""
     error = np.zeros((12, 3))

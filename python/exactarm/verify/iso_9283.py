@@ -6,7 +6,8 @@ Of a pose that is visited n times, with attained positions p_j, their mean p, an
     l_j = |p_j - p|,  RP = mean l + 3 S_l      pose repeatability (S_l: standard deviation of l, n - 1)
     vAP = max |p_g - p_h|              variation between directions of approach g, h
     dAP, dRP = max |AP_1 - AP_t|, max |RP_1 - RP_t|     drift over blocks in time of visits from one side
-    AD = mean D_j - D_c,  RD = 3 S_D   distance accuracy and repeatability, D_j = |p_aj - p_bj| of two poses
+    AD = mean D_j - D_c,  RD = 3 S_D   distance accuracy and repeatability, D_j = |p_aj - p_bj| of two poses,
+                                       each visited from one side
 
 All m. c is the model's prediction at the angles that the controller reports, with base and tool frame fitted
 (held_out.py): what AP means depends on it, RP does not. D_c is the model's distance at the same visits.
@@ -82,11 +83,11 @@ def iso_9283(
     seed: int,
 ) -> Iso9283:
     """Of the judged rows: residuals before and after (M, 3) and predicted positions (M, 3) of both models."""
-    groups = pose_and_session(data)
-    each = np.unique(np.stack([groups, direction_of_approach(data)], axis=1), axis=0, return_inverse=True)[1]
-    tests = _pose_tests(data, each.ravel(), before, after)
-    directions, drift = _directions(data, groups, before, after), _drift(data, each.ravel(), before, after)
-    distances = _distances(data, groups, predicted_before, predicted, seed)
+    groups, sides = pose_and_session(data), direction_of_approach(data)
+    each = np.unique(np.stack([groups, sides], axis=1), axis=0, return_inverse=True)[1].ravel()
+    tests = _pose_tests(data, each, before, after)
+    directions, drift = _directions(data, groups, before, after), _drift(data, each, before, after)
+    distances = _distances(data, groups, each, predicted_before, predicted, seed)
     missing = {}
     if not tests:
         missing["pose accuracy AP and repeatability RP"] = (
@@ -110,7 +111,9 @@ def iso_9283(
     if distances is None:
         missing["distance accuracy AD"] = "no session has two different judged poses"
     elif distances.repeatability is None:
-        missing["distance repeatability RD"] = f"no two poses were each visited {LEAST_VISITS} times"
+        missing["distance repeatability RD"] = (
+            f"no two poses were each visited {LEAST_VISITS} times from one direction"
+        )
     return Iso9283(tests, directions, drift, distances, missing)
 
 
@@ -202,12 +205,16 @@ def _drift(
 
 
 def _distances(
-    data: Dataset, groups: np.ndarray, predicted_before: np.ndarray, predicted: np.ndarray, seed: int
+    data: Dataset, groups: np.ndarray, each: np.ndarray, predicted_before: np.ndarray, predicted: np.ndarray,
+    seed: int
 ) -> Distances | None:
-    """Of pairs of poses in one session, visit by visit; no base frame enters."""
-    parts = members(groups, 1)
-    session = np.array([data.session[rows[0]] for rows in parts])
+    """Of pairs of poses in one session, each from one direction, visit by visit; no base frame enters, and
+    what differs between directions does not scatter a distance."""
+    parts = members(each, 1)
+    pose, session = (np.array([of[rows[0]] for rows in parts]) for of in (groups, data.session))
     first, second = _pairs(session, np.random.default_rng(seed))
+    apart = pose[first] != pose[second]
+    first, second = first[apart], second[apart]
     if not first.size:
         return None
     visits = np.array([part.size for part in parts])
@@ -218,10 +225,10 @@ def _distances(
         pairs = np.flatnonzero(common == n)
         rows = [np.array([part[:n] if part.size >= n else np.resize(part, n) for part in parts])[ends[pairs]]
                 for ends in (first, second)]
-        each = [np.linalg.norm(points[rows[0]] - points[rows[1]], axis=2) for points in places]
-        lengths[:, pairs] = [length.mean(axis=1) for length in each]
+        found = [np.linalg.norm(points[rows[0]] - points[rows[1]], axis=2) for points in places]
+        lengths[:, pairs] = [length.mean(axis=1) for length in found]
         if n >= LEAST_VISITS:
-            spread = max(spread, 3.0 * float(each[0].std(axis=1, ddof=1).max()))
+            spread = max(spread, 3.0 * float(found[0].std(axis=1, ddof=1).max()))
     repeated = int(np.sum(common >= LEAST_VISITS))
     errors = lengths[0] - lengths[1], lengths[0] - lengths[2]
     return Distances(lengths[0], *errors, spread if repeated else None, repeated)
