@@ -147,11 +147,9 @@ def _gain(normal: np.ndarray, onto: np.ndarray, usable: np.ndarray) -> tuple[flo
     values = np.zeros(len(onto))
     if not usable.any():
         return 0.0, values
-    if not usable.all():
-        values[usable] = _gain(normal[np.ix_(usable, usable)], onto[usable], usable[usable])[1]
-        return float(values @ onto), values
-    scale = np.sqrt(np.diag(normal))
-    values = np.linalg.lstsq(normal / (scale[:, None] * scale), onto / scale, rcond=1e-8)[0] / scale
+    scale = np.sqrt(np.diag(normal)[usable])
+    scaled = normal[np.ix_(usable, usable)] / np.outer(scale, scale)
+    values[usable] = np.linalg.lstsq(scaled, onto[usable] / scale, rcond=1e-8)[0] / scale
     return float(values @ onto), values
 
 
