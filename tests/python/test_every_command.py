@@ -125,8 +125,6 @@ def test_a_folder_of_another_run_or_one_that_is_read_only_is_refused(command, fo
     assert capsys.readouterr().err.startswith("exactarm: error: /proc/exactarm: cannot write here")
 
 
-
-
 NO_NAME = "x" * 300  # longer than a file system's names
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from exactarm.diagnose.evidence import Members, Picture, compressed
-from exactarm.diagnose.search import FURTHER, _richer, log_prior_of_count, search, weight_of
+from exactarm.diagnose.search import FIRST, FURTHER, _richer, log_prior_of_count, search, weight_of
 from exactarm.diagnose.self_test import _Parts
 from exactarm.diagnose.signal import ANGLE, LOAD, Signal, turn_of
 from exactarm.diagnose.unknown import Unknown, basis_of, sizes_of, unknown_functions
@@ -35,7 +35,7 @@ def block(number, columns, at, positive=False):
                  np.full(columns, positive), float(np.log(SHARE)), False)
 
 
-def picture(seed, planted=(), positive=False, size=1.5):
+def picture(seed, planted=(), positive=False, size=1.5, known=0):
     """Eight random causes of one to three columns, five declared parameters, unit noise."""
     rng = np.random.default_rng(seed)
     widths = [1, 1, 1, 2, 2, 2, 3, 3]
@@ -47,7 +47,7 @@ def picture(seed, planted=(), positive=False, size=1.5):
     for index in planted:
         residual += responses[:, :, blocks[index].where] @ np.full(widths[index], size)
     noise = normal_noise(np.ones((ROWS, COMPONENTS)))  # whitens with one
-    return Picture.of(Vocabulary(blocks, (responses,)), residual, declared, noise)
+    return Picture.of(Vocabulary(blocks, (responses,)), residual, declared, noise, known=known)
 
 
 def dense_log_likelihood(pic, members):
@@ -167,6 +167,9 @@ def test_a_cause_beside_others_is_rarer_wherever_they_stand():
     gain = weight_of(in_noise, Members((6,), (3,))) - weight_of(in_noise, Members((), ()))
     # as a set of two the pair may have come in either order
     assert weight_of(pic, two) - weight_of(pic, one) == pytest.approx(gain + np.log(2.0), abs=1e-6)
+    beside_fitted = picture(9, planted=(1, 6), known=2)
+    first, further = (weight_of(at, one) - weight_of(at, Members((), ())) for at in (pic, beside_fitted))
+    assert first - further == pytest.approx(np.log(FIRST / FURTHER), abs=1e-9)
 
 
 def test_weight_of_a_set_pays_for_each_cause():

@@ -2,10 +2,12 @@
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pytest
 
 import exactarm as ea
 from exactarm.commands.certify import _followed
+from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
 
 ROWS = 40
@@ -13,7 +15,7 @@ COLUMNS = {f"q_{i}_deg": np.linspace(-50.0, 50.0, ROWS) * (-1) ** i + i for i in
 COLUMNS |= {f"{name}_mm": 400.0 + np.arange(ROWS) * k for k, name in enumerate("xyz", start=1)}
 
 
-@pytest.mark.parametrize("of", [dict, pd.DataFrame], ids=["dict", "DataFrame"])
+@pytest.mark.parametrize("of", [dict, pd.DataFrame, pa.table], ids=["dict", "DataFrame", "Arrow"])
 def test_is_read_as_its_file_is(of, tmp_path):
     pd.DataFrame(COLUMNS).to_csv(tmp_path / "poses.csv", index=False)
     file, table = ea.read(tmp_path / "poses.csv", "ur10"), ea.read(of(COLUMNS), "ur10")
@@ -39,7 +41,7 @@ def test_a_command_says_what_it_read():
     told, file = (ea.evaluate("ur10", data) for data in (frame, ea.example("ur10/series_B")))
     assert told.json["error"] == file.json["error"]
     assert told.asked.files[0].path == "table 1 in memory"
-    assert told.asked.line == "exactarm.evaluate('ur10', table_1, seed=1)"
+    assert told.asked.line == f"exactarm.evaluate('ur10', table_1, seed={DEFAULT_SEED})"
 
 
 REFUSED = {

@@ -147,14 +147,14 @@ class _Search:
         self.posterior = Posterior()
         self.queue: list = []
         self.pushed = 0
-        self.known: dict[Members, tuple] = {}
+        self.looked_at: dict[Members, tuple] = {}
 
     def run(self, start: Members) -> Posterior:
         for members in dict.fromkeys((Members((), ()), start)):
             labels = labels_of(self.picture, members)
             self._offer(labels, weight_of(self.picture, members), members)
         expanded: set = set()
-        while self.queue and len(expanded) < _EXPANSIONS and len(self.known) < _SCORED:
+        while self.queue and len(expanded) < _EXPANSIONS and len(self.looked_at) < _SCORED:
             negative, _, labels = heapq.heappop(self.queue)
             if labels in expanded or -negative < self.posterior.weights[self.posterior.best] - _KEPT_NATS:
                 continue
@@ -201,13 +201,13 @@ class _Search:
     def _grow(self, members: Members, base: float) -> None:
         """The set with every further cause: weights summed over the blocks of a label; members for the best
         few labels."""
-        first = members not in self.known
+        first = members not in self.looked_at
         if first:
-            self.known[members] = (labels_of(self.picture, members), self.children(members), -np.inf)
-        if not first and base <= self.known[members][2]:
+            self.looked_at[members] = (labels_of(self.picture, members), self.children(members), -np.inf)
+        if not first and base <= self.looked_at[members][2]:
             return
-        own, children, _ = self.known[members]
-        self.known[members] = (own, children, base)
+        own, children, _ = self.looked_at[members]
+        self.looked_at[members] = (own, children, base)
         count, known = len(own), self.picture.known
         base = base + log_prior_of_count(count + 1, known) - log_prior_of_count(count, known)
         least = self.posterior.weights[self.posterior.best] - _RECORDED_NATS
