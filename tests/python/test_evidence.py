@@ -9,8 +9,8 @@ import pytest
 from exactarm.diagnose.evidence import Members, Picture, compressed
 from exactarm.diagnose.search import FIRST, FURTHER, _richer, log_prior_of_count, search, weight_of
 from exactarm.diagnose.self_test import _Parts
-from exactarm.diagnose.signal import ANGLE, LOAD, Signal, turn_of
-from exactarm.diagnose.unknown import Unknown, basis_of, sizes_of, unknown_functions
+from exactarm.diagnose.signal import ANGLE, Signal, turn_of
+from exactarm.diagnose.unknown import Unknown, basis_of, sizes_of
 from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES, Block, Vocabulary
 from exactarm.effects.gear_eccentricity import GearEccentricity
 from exactarm.effects.gear_harmonics import GearHarmonics
@@ -178,22 +178,6 @@ def test_weight_of_a_set_pays_for_each_cause():
                      Members((0, 1), (2, 2))) < weight_of(pic,
                                                           Members((0,), (2,))) < weight_of(pic,
                                                                                            Members((), ()))
-
-
-def test_unknown_functions_have_unit_variance_on_the_average():
-    s = np.linspace(-2.0, 5.0, 400)
-    for length in (0.4, 1.0, 2.4):
-        variance = np.sum((basis_of(s) * sizes_of(length)) ** 2, axis=1)
-        assert 0.6 < variance.mean() < 1.3
-
-
-def test_a_signal_of_rounding_is_no_signal():
-    """The load of a last axis whose masses lie on it: 1e-17 Nm of either sign."""
-    rng = np.random.default_rng(3)
-    real = rng.uniform(-1.0, 1.0, 50)
-    signals = {Signal(LOAD, 5): real, Signal(LOAD, 6): 1e-17 * real}
-    found = unknown_functions(None, signals, {turn_of(3): np.ones((50, 3))})
-    assert [unknown.signals for unknown, _, _ in found] == [(Signal(LOAD, 5),)]
 
 
 def gear_curve_picture(seed):

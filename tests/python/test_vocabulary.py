@@ -19,7 +19,7 @@ def vocabulary():
     fitted = problem.fit(problem.declared())
     laws = [GearHarmonics.curve(2, 5, amplitude, (-3.0, 3.0)) for amplitude in (3e-5, 1e-4)]
     other = GearEccentricity(3, (0.0, 0.0), second=False)
-    return vocabulary_of(fitted, [*laws, other], {}, {}), laws
+    return vocabulary_of(fitted, [*laws, other], []), laws
 
 
 def test_laws_of_one_curve_share_its_columns():

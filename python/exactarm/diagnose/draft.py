@@ -147,7 +147,7 @@ def _unknown_axes(problem: Problem,
     """The noise with unknown functions taken into account; axis -> probability that one turns it, and its
     signals in the best set."""
     visits, lost = problem.groups(), fitted.spent
-    vocabulary = vocabulary_of(fitted, [], problem.signals(fitted), problem.directions(fitted))
+    vocabulary = vocabulary_of(fitted, [], problem.unknown_functions(fitted))
     noise = estimate_noise(fitted.residual, lost, visits)
     if not vocabulary.blocks:
         return noise, {}
@@ -209,7 +209,7 @@ def _best_formula(fitted: Fitted, absorbed: Absorbed, parted: CrossValidation, a
 def _likeliest(fitted: Fitted, absorbed: Absorbed, forms: list[Expression]):
     """The likeliest of formulas at its best grid point and coefficients, its log Bayes factor (its grid
     summed over), picture, set."""
-    vocabulary = vocabulary_of(fitted, forms, {}, {})
+    vocabulary = vocabulary_of(fitted, forms, [])
     if not vocabulary.blocks:
         return None, -np.inf, None, None
     picture = absorbed.picture(vocabulary)

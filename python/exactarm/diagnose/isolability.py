@@ -79,7 +79,7 @@ def isolability(robot: Robot, poses: Dataset, noise_m: float, seed: int, threads
     problem = _Planned(robot, data, data.select(np.zeros(len(data), bool)), threads, seed)
     fitted = problem.fit(problem.declared())
     effects = [effect for effect in candidates_for(problem, fitted) if not effect.excludes_rows()]
-    vocabulary = vocabulary_of(fitted, effects, {}, {})
+    vocabulary = vocabulary_of(fitted, effects, [])
     noise = replace(normal_noise(fitted.residual), sigma=np.full(fitted.residual.shape[1], noise_m))
     return _of(Picture.of(vocabulary, fitted.residual, fitted.jacobian, noise))
 

@@ -15,8 +15,9 @@ from exactarm.diagnose.in_space import InSpace, errors_in_space
 from exactarm.diagnose.next_poses import next_poses, sentence_of
 from exactarm.diagnose.pose_fitted import PoseFitted
 from exactarm.diagnose.problem_at_rest import ProblemAtRest
-from exactarm.diagnose.signal import PLACE, POSITION, Direction, Signal, axis_of, turn_of
+from exactarm.diagnose.signal import PLACE, POSITION, Direction, Signal, axis_of, tilt_of, turn_of
 from exactarm.effects.base import Station
+from exactarm.effects.moving_frames import MovingFrames, turned_about
 from exactarm.errors import ComputationError
 from exactarm.identify.calibrate import (
     CalibrationOptions,
@@ -123,6 +124,17 @@ class PoseProblem(ProblemAtRest):
         axes = np.eye(m)[:3]
         return turn | {axis_of("device", name): np.tile(axes[k], (view.rows, 1))
                        for k, name in enumerate("xyz")}
+
+    def tilts(self, fitted: Fitted) -> dict[Direction, list[np.ndarray]]:
+        view, m = fitted.view, fitted.residual.shape[1]
+        frames, still, found = MovingFrames.of(view), np.zeros((view.rows, 3, view.axes)), {}
+        for k in range(view.axes):
+            along = frames.rotations[:, k + 1, :, 0]
+            twists = [turned_about(view, across, still, frames.origins[:, k], still)[0][:, :, None]
+                      for across in (along, np.cross(frames.axes[:, k], along))]
+            found[tilt_of(k + 1)] = [view.transfers[Station.GEOMETRY](tuple(range(6)), twist)[:, :m, 0]
+                                     for twist in twists]
+        return found
 
     def error_of_unit_noise(self, fitted: Fitted) -> float:
         return float(np.sqrt(np.sum(fitted.sigma[:3] ** 2)))

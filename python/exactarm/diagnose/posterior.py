@@ -146,7 +146,7 @@ def _causes(problem: Problem, declared: Layout, progress: Progress) -> Causes | 
             chosen = [*fit.layout.effects[len(declared.effects) :]]
             places += kept
             fits.append(fit)
-            vocabulary = whole.beside(chosen).joined(vocabulary_of(fit, _companions(chosen), {}, {}))
+            vocabulary = whole.beside(chosen).joined(vocabulary_of(fit, _companions(chosen), []))
         elif new and not held and refused < _MOST_REFUSED:
             refused += 1
             whole = whole.without(found.named_blocks())
@@ -261,7 +261,7 @@ def _credible(place: Place) -> tuple[tuple[str, int | None, float], ...]:
 
 def _vocabulary(problem: Problem, fitted: Fitted) -> Vocabulary:
     effects = [e for e in candidates_for(problem, fitted) if not e.excludes_rows()]
-    return vocabulary_of(fitted, effects, problem.signals(fitted), problem.directions(fitted))
+    return vocabulary_of(fitted, effects, problem.unknown_functions(fitted))
 
 
 def _places(found: Found, turn: int) -> list[Place]:

@@ -14,6 +14,7 @@ from exactarm.data.dataset import Dataset
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.in_space import InSpace
 from exactarm.diagnose.signal import Direction, Signal, Structure
+from exactarm.diagnose.unknown import unknown_functions
 from exactarm.effects.base import Effect
 from exactarm.noise.estimate import estimate_noise
 from exactarm.noise.model import NoiseModel
@@ -107,6 +108,14 @@ class Problem(ABC):
     def directions(self, fitted: Fitted) -> dict[Direction, np.ndarray]:
         """Patterns (N, m) along which something could move: a unit turn of each joint, each
         component."""
+
+    def tilts(self, fitted: Fitted) -> dict[Direction, list[np.ndarray]]:
+        """Patterns (N, m), two each, along which what stands behind an axis could bend across it."""
+        return {}
+
+    def unknown_functions(self, fitted: Fitted):
+        """What may be missing that no effect describes: `unknown.unknown_functions`."""
+        return unknown_functions(self.signals(fitted), self.directions(fitted), self.tilts(fitted))
 
     @abstractmethod
     def error_of_unit_noise(self, fitted: Fitted) -> float:

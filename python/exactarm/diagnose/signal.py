@@ -64,6 +64,11 @@ def turn_of(joint: int) -> Direction:
     return Direction(f"a turn of axis {joint}", joint, turns=True)
 
 
+def tilt_of(joint: int) -> Direction:
+    """Of all that stands behind a joint (from 1), across its axis."""
+    return Direction(f"a tilt behind axis {joint}", joint)
+
+
 def measured_of(joint: int) -> Direction:
     return Direction(f"axis {joint}", joint)
 

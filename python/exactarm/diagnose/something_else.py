@@ -91,7 +91,7 @@ def _unknown_weights(problem: Problem, without: Fitted, count: float,
     apart = [{name: pattern} for name, pattern in directions.items() if name not in device]
     found, number = [], 0
     for part in (*apart, device):
-        for unknown, response, sizes in unknown_functions(without, signals, part):
+        for unknown, response, sizes in unknown_functions(signals, part, {}):
             columns = without.whiten(response)
             weighed = [_weighed(without, columns, size, count) for size in sizes]
             weights = [weight for weight, _ in weighed]

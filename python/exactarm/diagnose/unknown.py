@@ -9,12 +9,18 @@ Solin and Sarkka (2020) on [-L, L], s scaled to [-1, 1]:
                                                    b_i ~ N(0, amplitude^2 S(w_i) / sum_j S(w_j))
     S(w) proportional to (5 / l^2 + w^2)^-3,   lengths l of 0.2, 0.5 and 1.2 of the signal's range.
 
-Functions of two signals: products of few of them. A device that follows the time is no function here: it
+Functions of two signals: products of few of them; of an axis's angle and its approach: one function, with
+the other sign from the other side. A signal of few values has a level at each of them, all alike likely:
+
+    g(s) = b_s - mean of b,   b_s ~ N(0, amplitude^2)
+
+A device that follows the time is no function here: it
 wanders, slowly or fast, and what its rows share is one law of noise (noise/wandering.py).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +28,7 @@ import numpy as np
 from exactarm.diagnose.signal import (
     ANGLE,
     APPROACH,
+    DIRECTION,
     LOAD,
     PLACE,
     POSITION,
@@ -37,13 +44,14 @@ _TERMS, _TERMS_OF_TWO = 15, 4
 _HALF_WIDTH = 1.3  # L: at the ends of the range the basis is still free
 AMPLITUDE = 3e-4  # rad of an axis, m of the device: what gears, springs and devices leave
 _LEAST_VALUES = 5  # different values of a signal; fewer are levels, not a curve
+_BY_SIDE, _TILTED = "by side", "tilted"
 _OF_THE_ARM = (ANGLE, TRAVEL, LOAD, APPROACH)  # no device follows them
 _DECIMALS = 9  # of a signal in SI: no device measures a nanoradian; a load of 1e-17 Nm is rounding
 
 
 @dataclass(frozen=True)
 class Unknown:
-    """Which direction follows which signals; `form`: smooth, of two, or of place."""
+    """Which direction follows which signals; `form`: smooth, of two, by side, tilted, or of place."""
 
     direction: Direction
     signals: tuple[Signal, ...]
@@ -55,16 +63,18 @@ class Unknown:
 
     @property
     def described(self) -> bool:
-        """A turn of an axis by its own angle or load: what the library's gear curves and springs describe
-        already."""
-        first = self.signals[0]
-        alone = len(self.signals) == 1 and not first.part
-        return alone and self.direction.turns and first.axis == self.direction.axis
+        """A turn of an axis by its own angle, load or side, or a tilt by load: what the library's gear
+        curves, springs and bearings describe already."""
+        if self.form == _TILTED:
+            return True
+        first, alone = self.signals[0], len(self.signals) == 1 or self.form == _BY_SIDE
+        return alone and not first.part and self.direction.turns and first.axis == self.direction.axis
 
     @property
     def curve_of_axis(self) -> int | None:
         """The axis that it turns as a function of that axis's own angle; None for all others."""
-        return self.direction.axis if self.described and self.signals[0].quantity == ANGLE else None
+        alone = self.described and self.form == "smooth"
+        return self.direction.axis if alone and self.signals[0].quantity == ANGLE else None
 
     @property
     def structure(self) -> Structure:
@@ -80,6 +90,12 @@ def basis_of(values: np.ndarray, terms: int = _TERMS) -> np.ndarray:
     return np.sin(w * (s[:, None] + _HALF_WIDTH)) / np.sqrt(_HALF_WIDTH)
 
 
+def levels_of(values: np.ndarray) -> np.ndarray:
+    """(N, levels) of a signal of few values: at which one a row stands, less their mean."""
+    levels = np.unique(values.round(_DECIMALS))
+    return (values.round(_DECIMALS)[:, None] == levels) - 1.0 / len(levels)
+
+
 def sizes_of(length: float, terms: int = _TERMS) -> np.ndarray:
     """(terms,) standard deviations of the coefficients, for a process of unit variance (on the average over
     the range)."""
@@ -93,30 +109,48 @@ def _scaled(values: np.ndarray) -> np.ndarray:
     return (2.0 * values - low - high) / max(high - low, 1e-300)
 
 
-def unknown_functions(fitted, signals: dict,
-                      directions: dict) -> list[tuple[Unknown, np.ndarray, list[np.ndarray]]]:
+def unknown_functions(signals: dict, directions: dict,
+                      tilts: dict) -> list[tuple[Unknown, np.ndarray, list[np.ndarray]]]:
     """(what, response (N, m, k), sizes of the coefficients for each length) of every unknown function worth
     trying."""
-    curves = {name: values for name, values in signals.items()
-              if len(np.unique(values.round(_DECIMALS))) >= _LEAST_VALUES}
+    counts = {name: len(np.unique(values.round(_DECIMALS))) for name, values in signals.items()}
+    curves = {name: values for name, values in signals.items() if counts[name] >= _LEAST_VALUES}
+    levels = {name: levels_of(values) for name, values in signals.items()
+              # how an axis passes from one direction of its motion to the other, nobody knows
+              if 1 < counts[name] < _LEAST_VALUES and name.quantity != DIRECTION}
     turns = {along: pattern for along, pattern in directions.items() if not along.of_tracker}
     device = [pattern for along, pattern in directions.items() if along.of_tracker]
     found = []
-    bases = {name: basis_of(values) for name, values in curves.items()}
-    lengths = [AMPLITUDE * sizes_of(length) for length in LENGTHS]
+    bases = {name: basis_of(values) for name, values in curves.items()} | levels
+    smooth = [AMPLITUDE * sizes_of(length) for length in LENGTHS]
+    few = AMPLITUDE * sizes_of(LENGTHS[1], _TERMS_OF_TWO)
+    lengths = {name: [np.full(basis.shape[1], AMPLITUDE)] if name in levels else smooth
+               for name, basis in bases.items()}
     for name, pattern in turns.items():
         for signal, basis in bases.items():
-            found.append((Unknown(name, (signal,)), pattern[:, :, None] * basis[:, None, :], lengths))
+            found.append((Unknown(name, (signal,)), _moved([pattern], basis), lengths[signal]))
+        side = Signal(APPROACH, name.axis)
+        place = [signal for signal in curves if signal.places_axis and signal.axis == name.axis]
+        if side in levels and place:
+            basis = bases[place[0]] * signals[side][:, None]
+            found.append((Unknown(name, (place[0], side), _BY_SIDE), _moved([pattern], basis), smooth))
     whole = {signal: basis for signal, basis in bases.items()
              if signal.quantity not in _OF_THE_ARM and not signal.of_time}
     for signal, basis in whole.items() if device else ():
-        response = np.concatenate([pattern[:, :, None] * basis[:, None, :] for pattern in device], axis=2)
-        found.append((Unknown(TRACKER, (signal,)), response,
-                      [np.tile(size, len(device)) for size in lengths]))
+        found.append((Unknown(TRACKER, (signal,)), _moved(device, basis),
+                      [np.tile(size, len(device)) for size in lengths[signal]]))
     place = [few_of(curves[name]) for name in curves if name.quantity == POSITION]
     if device and len(place) == 3:
         found.append(_of_place(place, device))
+    found += [(Unknown(along, (signal,), _TILTED), _moved(patterns, few_of(values)), [np.tile(few, 2)])
+              for along, patterns in tilts.items()
+              for signal, values in curves.items() if signal.quantity == LOAD]
     return found + _of_two(curves, turns, device)
+
+
+def _moved(patterns: Iterable[np.ndarray], basis: np.ndarray) -> np.ndarray:
+    """(N, m, k) of every pattern (N, m) times the functions (N, f), one pattern after the other."""
+    return np.concatenate([pattern[:, :, None] * basis[:, None, :] for pattern in patterns], axis=2)
 
 
 def few_of(values: np.ndarray) -> np.ndarray:
@@ -127,10 +161,10 @@ def few_of(values: np.ndarray) -> np.ndarray:
 def _of_place(place: list[np.ndarray], device: list[np.ndarray]) -> tuple:
     """The device's axes as functions of where the target is: products of three."""
     product = np.einsum("ni,nj,nk->nijk", *place).reshape(len(place[0]), -1)
-    response = np.concatenate([pattern[:, :, None] * product[:, None, :] for pattern in device], axis=2)
     size = sizes_of(LENGTHS[1], _TERMS_OF_TWO)
     sizes = AMPLITUDE * np.einsum("i,j,k->ijk", size, size, size).ravel()
-    return Unknown(TRACKER, (Signal(PLACE),), "of place"), response, [np.tile(sizes, len(device))]
+    return (Unknown(TRACKER, (Signal(PLACE),), "of place"), _moved(device, product),
+            [np.tile(sizes, len(device))])
 
 
 def _of_two(curves: dict, turns: dict, device: list) -> list:
@@ -145,8 +179,6 @@ def _of_two(curves: dict, turns: dict, device: list) -> list:
         for other in names[i + 1 :]:
             product = (few[one][:, :, None] * few[other][:, None, :]).reshape(len(few[one]), -1)
             for direction, patterns in moved.items():
-                response = np.concatenate([pattern[:, :, None] * product[:, None, :] for pattern in patterns],
-                                          axis=2)
-                found.append((Unknown(direction, (one, other), "of two"), response,
+                found.append((Unknown(direction, (one, other), "of two"), _moved(patterns, product),
                               [np.tile(product_size, len(patterns))]))
     return found

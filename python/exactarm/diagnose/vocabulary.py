@@ -23,7 +23,7 @@ from functools import cached_property
 import numpy as np
 
 from exactarm.diagnose.scan import free_mask, grid
-from exactarm.diagnose.unknown import Unknown, unknown_functions
+from exactarm.diagnose.unknown import Unknown
 from exactarm.effects.base import Effect
 
 # prior probability that a cause is none of the library's: one cause in five was, over the first sets of
@@ -166,9 +166,9 @@ class Vocabulary:
         return Vocabulary(tuple(blocks), tuple(parts))
 
 
-def vocabulary_of(fitted, effects: list[Effect], signals: dict, directions: dict) -> Vocabulary:
-    """All candidate `effects` at every point of their grids, and unknown functions of `signals` along
-    `directions`."""
+def vocabulary_of(fitted, effects: list[Effect],
+                  functions: list[tuple[Unknown, np.ndarray, list[np.ndarray]]]) -> Vocabulary:
+    """All candidate `effects` at every point of their grids, and unknown functions."""
     points = [(effect, point) for effect in effects for point in grid(effect)
               if point.keep(fitted.view) is None]
     counts = Counter(point.label for _, point in points)
@@ -193,7 +193,6 @@ def vocabulary_of(fitted, effects: list[Effect], signals: dict, directions: dict
         if where.start == at:
             parts.append(response)
             at = where.stop
-    functions = unknown_functions(fitted, signals, directions)
     number = sum(len(sizes) for _, _, sizes in functions)
     for unknown, response, sizes in functions:
         where = slice(at, at + response.shape[2])

@@ -1,0 +1,107 @@
+"""Unknown functions: the shapes and signals that stand for causes that the library lacks."""
+
+import numpy as np
+import pytest
+
+from exactarm.chain import Layout
+from exactarm.diagnose.diagnosis import diagnose
+from exactarm.diagnose.problems import problem_for
+from exactarm.diagnose.signal import ANGLE, APPROACH, DIRECTION, LOAD, TRACKER, Signal, axis_of, turn_of
+from exactarm.diagnose.unknown import AMPLITUDE, basis_of, levels_of, sizes_of, unknown_functions
+from exactarm.effects import library
+from exactarm.effects.base_compliance import BaseCompliance
+from exactarm.effects.hysteresis import Hysteresis
+from exactarm.effects.link_compliance import LinkCompliance
+from exactarm.robot_file import load_robot
+from set_ups import at_random_place, joints_in_limits, measured
+
+
+def functions_of(signals, tilts=None):
+    """Of one axis that turns, and the device."""
+    rows = len(next(iter(signals.values())))
+    directions = {turn_of(3): np.ones((rows, 3)), axis_of("device", "x"): np.tile([1.0, 0.0, 0.0], (rows, 1))}
+    return unknown_functions(signals, directions, tilts or {})
+
+
+def test_unknown_functions_have_unit_variance_on_the_average():
+    s = np.linspace(-2.0, 5.0, 400)
+    for length in (0.4, 1.0, 2.4):
+        variance = np.sum((basis_of(s) * sizes_of(length)) ** 2, axis=1)
+        assert 0.6 < variance.mean() < 1.3
+
+
+def test_a_signal_of_rounding_is_no_signal():
+    """The load of a last axis whose masses lie on it: 1e-17 Nm of either sign."""
+    real = np.random.default_rng(3).uniform(-1.0, 1.0, 50)
+    found = functions_of({Signal(LOAD, 5): real, Signal(LOAD, 6): 1e-17 * real})
+    assert [unknown.signals for unknown, _, _ in found] == [(Signal(LOAD, 5),)]
+
+
+@pytest.mark.parametrize("values", [(-1.0, 1.0), (-1.0, 0.0, 1.0), (20.0, 21.5, 22.0, 30.0)])
+def test_a_signal_of_few_values_has_a_level_at_each_of_them(values):
+    signal = np.random.default_rng(4).choice(values, 60)
+    columns = levels_of(signal)
+    assert columns.shape == (60, len(values))
+    assert np.allclose(columns.sum(axis=1), 0.0)  # what all levels share is no function of the signal
+    for value in values:
+        assert len(np.unique(columns[signal == value], axis=0)) == 1
+    shift, = (sizes for unknown, _, sizes in functions_of({Signal("shift"): signal})
+              if unknown.direction == turn_of(3))
+    assert len(shift) == 1 and np.allclose(shift[0], AMPLITUDE)  # one prior: levels have no length
+
+
+def test_the_side_from_which_an_axis_came_turns_an_axis_and_no_device():
+    side = np.random.default_rng(5).choice([-1.0, 1.0], 50)
+    found = [unknown for unknown, _, _ in functions_of({Signal(APPROACH, 2): side, Signal(DIRECTION, 3): side,
+                                                        Signal("shift"): side})]
+    assert [(u.direction, u.signals) for u in found] == [
+        (turn_of(3), (Signal(APPROACH, 2),)), (turn_of(3), (Signal("shift"),)), (TRACKER, (Signal("shift"),))]
+
+
+def test_a_curve_of_an_axis_may_hang_on_its_own_side():
+    rng = np.random.default_rng(6)
+    angle, side = rng.uniform(-2.0, 2.0, 80), rng.choice([-1.0, 1.0], 80)
+    signals = {Signal(ANGLE, 3): angle, Signal(APPROACH, 3): side}
+    (unknown, response), = ((u, moved) for u, moved, _ in functions_of(signals) if len(u.signals) == 2)
+    assert unknown.label == "a turn of axis 3 by angle of axis 3 and approach of axis 3"
+    assert np.allclose(response[:, 0], side[:, None] * basis_of(angle))
+    assert unknown.described and unknown.curve_of_axis is None
+
+
+def robot_and_data(seed, rows=120, effects=(), name="ur10"):
+    """An arm as it is declared, somewhere, whose poses are approached from both sides."""
+    rng, robot = np.random.default_rng(seed), load_robot(name)
+    q = joints_in_limits(robot, rows, rng)
+    joints = {"approach": rng.choice([-1.0, 1.0], q.shape)}
+    return robot, measured(robot, [at_random_place(robot, rng)], [q], 3e-5, rng, layout=Layout.of(effects),
+                           joints=joints)
+
+
+@pytest.mark.parametrize("joint", [1, 3])
+def test_a_tilt_moves_the_target_as_a_bearing_that_bends_does(joint):
+    robot, data = robot_and_data(7)
+    problem = problem_for(robot, data, data.select(np.zeros(len(data), bool)), 1, 0)
+    fitted = problem.fit(problem.declared())
+    effect = BaseCompliance(None, (1e-6,)) if joint == 1 else LinkCompliance(joint, (1e-6,))
+    change = effect.change(fitted.view)
+    moved = fitted.view.transfers[effect.station](change.columns, change.value[:, :, None])[:, :3, 0]
+    one, other = next(p for along, p in problem.tilts(fitted).items() if along.axis == joint)
+    # Of each row alone, the two patterns can make up what it bends.
+    for row in range(0, len(data), 10):
+        patterns = np.column_stack([one[row], other[row]])
+        rest = moved[row] - patterns @ np.linalg.lstsq(patterns, moved[row], rcond=None)[0]
+        assert np.linalg.norm(rest) < 1e-9 * max(np.linalg.norm(moved[row]), 1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name, hidden, says", [
+    ("ur10", Hysteresis(4, (2e-4,)), "a turn of axis 4 follows the approach of axis 4"),
+    # whose axis 2 lies 0.43 m above the base: a tilt of the base is no turn of axis 2
+    ("racer-7-1.4", BaseCompliance(None, (1e-6,)), "a tilt behind axis 1 follows the load of axis 2"),
+])
+def test_a_cause_that_the_library_lacks_is_told_by_what_it_moves_and_follows(monkeypatch, name, hidden, says):
+    robot, data = robot_and_data(8, 180, (hidden,), name)
+    monkeypatch.delitem(library(), hidden.name)
+    found = diagnose(robot, data)
+    assert found.verdict == "unexplained"
+    assert says in map(str, found.unknown)
