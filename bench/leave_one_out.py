@@ -6,7 +6,8 @@ A case of bench/blind with one hidden effect (today's conditions), diagnosed by 
 and without its other forms (`FORMS`: a curve of a gear would stand for its run-out). Counted per effect:
 
     else    the verdict is `unexplained`, and held-out rows, unknown functions or wandering say so
-    axis    an unknown function turns the hidden cause's axis (or moves the device, where no axis is turned)
+    axis    an unknown function turns the hidden cause's axis (or tilts what stands behind one, or moves the
+            device, where no axis is turned)
     signal  it follows the signal that the cause follows (`SIGNALS`)
 
 A cause at less than `CLEAR` times the noise is drawn anew with the next seed: nobody can miss what nobody
@@ -58,7 +59,8 @@ def judged(record: dict, truth: dict) -> dict:
     signals, where = SIGNALS[effect["effect"]]
     joint, motor = effect["joint"], effect.get("motor")
     turned, device = f"a turn of axis {joint} " in said, "device" in said
-    axis = {"axis": turned, "device": device, "any": "a turn of axis" in said or device}[where]
+    moved = device or "a turn of axis" in said or "a tilt behind axis" in said
+    axis = {"axis": turned, "device": device, "any": moved}[where]
     signal = any(s.format(j=joint, m=motor) in said for s in signals)
     return {"else": record.get("verdict") == "unexplained", "axis": axis, "signal": signal}
 
