@@ -282,6 +282,8 @@ PLOTS = {
     "residual of few": lambda: residual.residual_over_signal(np.sign(SIGNAL), NOISE, NOISE, unit="m",
                                                              name="residual",
                                                              signal_name="direction"),
+    "left over": lambda: alone(residual.left_over_signal, SIGNAL, NOISE, unit="rad", name="a turn",
+                               signal_name="angle", signal_unit="rad"),
     "spectrum": lambda: alone(residual.spectrum, np.arange(COUNT), MAGNITUDE, MAGNITUDE / 2, unit="rad",
                               name="amplitude", marks=[(3.0, "3"), (4.0, "4")]),
     "curves": lambda: alone(curves.curves, 1.0 + np.arange(COUNT), {"a": MAGNITUDE, "b": SIGNAL**2},

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from exactarm.chain import Layout
+from exactarm.commands.diagnose_report import report_of
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.signal import ANGLE, APPROACH, DIRECTION, LOAD, TRACKER, Signal, axis_of, turn_of
@@ -12,6 +13,7 @@ from exactarm.effects import library
 from exactarm.effects.base_compliance import BaseCompliance
 from exactarm.effects.hysteresis import Hysteresis
 from exactarm.effects.link_compliance import LinkCompliance
+from exactarm.report import Figure
 from exactarm.robot_file import load_robot
 from set_ups import at_random_place, joints_in_limits, measured
 
@@ -105,3 +107,9 @@ def test_a_cause_that_the_library_lacks_is_told_by_what_it_moves_and_follows(mon
     found = diagnose(robot, data)
     assert found.verdict == "unexplained"
     assert says in map(str, found.unknown)
+    # Its picture: the residual along a movement of the arm, over one signal, in the rows that were fitted.
+    left = found.left_over
+    assert left is not None and left.x.shape == left.residual.shape and left.unit == "rad"
+    assert found.dossier_after.strongest.significant
+    assert any(figure.name == "left_over" for figure in report_of(robot, [found], "", []).sections
+               if isinstance(figure, Figure))

@@ -28,6 +28,8 @@ from exactarm.diagnose.verdict import NOTHING, UNEXPLAINED, beside, remains, spo
 from exactarm.report import Figure, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import change, fixed, number, quantities
 from exactarm.report.plots.arm import arm_with_errors
+from exactarm.report.plots.residual import left_over_signal
+from exactarm.report.plots.style import figure_of_panel
 from exactarm.robot.robot import Robot
 
 _LESS = 1.02  # of the error with the accepted causes: a rival below leaves no more than they do
@@ -108,7 +110,7 @@ def _sections(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contri
         sections += [effects_table(result, found), *curves_figure(found),
                      orders_table(found, robot.ratios, geared),
                      *sizes_figure(result, found, result.after[judged].rms), parameters_table(found, robot)]
-    sections += _drafts(result)
+    sections += [*_left_over(result), *_drafts(result)]
     sections += [error_table(result.before, result.after, unit, name.capitalize(), note),
                  *_axes_table(result), *_arm(result)]
     sections += _error_figures(result, name, row)
@@ -177,6 +179,20 @@ def _next(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contributi
         lines.append("`draft.toml` holds an effect for what is left. Check it, then `exactarm accept "
                      "draft.toml` and diagnose again: every command knows it from then on.")
     return [Text(HEADING, tuple(lines))] if lines else []
+
+
+def _left_over(result: Diagnosis) -> list[Figure]:
+    """The picture of what no known cause explains."""
+    left = result.left_over
+    if left is None:
+        return []
+    panel = partial(left_over_signal, left.x, left.residual, unit=left.unit, name=str(left.direction),
+                    signal_name=str(left.signal), signal_unit=left.signal_unit)
+    return [figure_of_panel(
+        "left_over", "What is left, over what it follows", panel, 3.2,
+        f"The error of the fitted {kind_of(result.kind).rows} as {left.direction}, over the "
+        f"{left.signal}: of all signals the one that it follows most plainly.",
+        f"points and their means in bins: the error as {left.direction} over the {left.signal}")]
 
 
 def _drafts(result: Diagnosis) -> list:

@@ -141,12 +141,12 @@ def _contribution(fitted: Fitted, index: int, signals: dict, directions: dict, u
     named = _own_signals(effect, signals, fitted, direction)
     own = place_of_axis(fitted.robot, effect.joint) if effect.has_curves else None
     signal = own if own in named else _told_over(named, value)
-    rows = _subsampled(named[signal])
+    rows = subsampled(named[signal])
     rigid = _loaded_without_spring(fitted, moved) if unit == "Nm" else ()
     tool = (_at_tool(without, moved) if unit == "m" else _by_lever(fitted, effect, value, value_unit)
             if unit != "Nm" else None if rigid else _by_springs(fitted, moved))
     return Contribution(
-        effect, signal, _UNITS.get(signal.quantity, ""), _follows(named[signal], value) > FOLLOWS,
+        effect, signal, unit_of(signal), _follows(named[signal], value) > FOLLOWS,
         named[signal][rows], value[rows], _half(fitted, slopes[rows], covariance), value_unit, direction,
         before[rows], after[rows], tool, residual_unit,
         (float(value[high] - value[low]), float(_half(fitted, difference[None], covariance)[0])), rigid,
@@ -239,7 +239,7 @@ def _own_direction(fitted: Fitted, without: Fitted, effect: Effect, directions: 
     for name in own or directions:
         if not np.any(directions[name]):  # rows of one number each, as of a face, show it in none
             continue
-        before, after = (_less_mean(_along(fitted, state.residual, directions[name]), waves)
+        before, after = (_less_mean(movement_along(fitted, state.residual, directions[name]), waves)
                          for state in (without, fitted))
         lowered = float(np.mean(before**2) - np.mean(after**2)) / max(float(np.mean(after**2)), 1e-300)
         if lowered > fall:
@@ -247,7 +247,12 @@ def _own_direction(fitted: Fitted, without: Fitted, effect: Effect, directions: 
     return best
 
 
-def _along(fitted: Fitted, residual: np.ndarray, direction: np.ndarray) -> np.ndarray:
+def unit_of(signal: Signal) -> str:
+    """SI; empty where nobody knows it."""
+    return _UNITS.get(signal.quantity, "")
+
+
+def movement_along(fitted: Fitted, residual: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """(N,) a residual (N, m) as a movement along the direction (N, m): least squares in each row."""
     pattern = direction / fitted.sigma
     square = np.sum(pattern**2, axis=1)
@@ -275,8 +280,9 @@ def _unit_of_axis(robot: Robot, axis: int, unit: str) -> str:
 def _at_measurement(fitted: Fitted, moved: np.ndarray, columns: np.ndarray, direction: np.ndarray, unit: str,
                     along: Direction) -> tuple[np.ndarray, np.ndarray, str]:
     """The same as a movement of the measurement along the direction."""
-    value = _along(fitted, moved, direction)
-    slopes = np.stack([_along(fitted, columns[:, :, k], direction) for k in range(columns.shape[2])], axis=1)
+    value = movement_along(fitted, moved, direction)
+    slopes = np.stack([movement_along(fitted, columns[:, :, k], direction)
+                       for k in range(columns.shape[2])], axis=1)
     return value, slopes, "rad" if along.turns else unit
 
 
@@ -336,7 +342,7 @@ def _follows(signal: np.ndarray, value: np.ndarray) -> float:
     return 1.0 - float(np.mean(np.diff(ordered) ** 2)) / (2.0 * variance)
 
 
-def _subsampled(signal: np.ndarray) -> np.ndarray:
+def subsampled(signal: np.ndarray) -> np.ndarray:
     """Row indices of at most so many rows, evenly over the sorted signal."""
     order = np.argsort(signal, kind="stable")
     return order[:: max(1, -(-len(order) // _MOST_POINTS))]

@@ -21,6 +21,7 @@ from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.held_out_evidence import AGAINST, allowed, held_out_gains
 from exactarm.diagnose.in_space import InSpace
 from exactarm.diagnose.joint_fit import refit
+from exactarm.diagnose.left_over import LeftOver, left_over
 from exactarm.diagnose.noise import NoiseFloor, noise_floor
 from exactarm.diagnose.own_share import own_shares
 from exactarm.diagnose.posterior import Causes, find_causes, selection_of, steps_win
@@ -130,6 +131,7 @@ class Diagnosis:
     waves: tuple[Structure, ...] = ()
     excluded_error: float | None = None  # m, median of the rows that are left out
     excluded_places: tuple[str, ...] = ()  # of these rows, in words
+    left_over: LeftOver | None = None
 
     @property
     def unknown(self) -> tuple[Structure, ...]:
@@ -211,7 +213,8 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
         excluded_places=tuple(problem.data.place_of(row) for row in np.flatnonzero(wrong)),
         axes=problem.axes(first, last), left_out=problem.left_out(),
         contributions=contributions(problem, last, declared),
-        in_space=problem.in_space(first, last))
+        in_space=problem.in_space(first, last),
+        left_over=left_over(problem, last, left) if verdict == UNEXPLAINED else None)
 
 
 def _unknown_beside(causes: Causes | None, findings: tuple[Finding, ...]) -> tuple[Structure, ...]:

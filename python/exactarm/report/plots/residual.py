@@ -21,19 +21,32 @@ def residual_over_signal(signal: np.ndarray, before: np.ndarray, after: np.ndarr
     panels = figure.subplots(1, 2, sharex=True, sharey=True)
     both = (before, "before", style.BEFORE), (after, "after", style.AFTER)
     for axes, (values, title, colour) in zip(panels, both):
-        axes.plot(signal / x_size, values / size, "o", color=colour, alpha=0.55, markeredgewidth=0.0,
-                  markersize=0.8 * style.marker_size(len(signal)),
-                  rasterized=len(signal) > style.RASTER_ABOVE)
-        centre, mean, half = binned_mean(signal, values)
-        axes.errorbar(centre / x_size, mean / size, half / size, color=style.INK, linewidth=1.5, marker="o",
-                      markersize=3.5, capsize=0, elinewidth=1.2, label="mean of a bin, ± 95 %")
-        axes.axhline(0.0, color=style.INK, linewidth=0.7)
+        _points_and_bins(axes, signal / x_size, values / size, colour)
         rms = float(np.sqrt(np.mean(np.square(values)))) / size
         axes.set_title(f"{title}: RMS {number(rms)} {shown}")
         axes.set_xlabel(style.label_with(signal_name, x_shown))
     panels[0].set_ylabel(style.label_with(name, shown))
     style.legend_above(panels[-1], "right")
     return figure
+
+
+def left_over_signal(signal: np.ndarray, left: np.ndarray, axes: Axes, *, unit: str, name: str,
+                     signal_name: str, signal_unit: str = "") -> None:
+    """What a model leaves (N,) over a signal (N,), with means of equal-count bins."""
+    size, shown = style.scaled(left, unit)
+    x_size, x_shown = style.scaled(signal, signal_unit)
+    _points_and_bins(axes, signal / x_size, left / size, style.BEFORE)
+    axes.set(xlabel=style.label_with(signal_name, x_shown), ylabel=style.label_with(name, shown))
+    style.legend_above(axes, "right")
+
+
+def _points_and_bins(axes: Axes, signal: np.ndarray, values: np.ndarray, colour: str) -> None:
+    axes.plot(signal, values, "o", color=colour, alpha=0.55, markeredgewidth=0.0,
+              markersize=0.8 * style.marker_size(len(signal)), rasterized=len(signal) > style.RASTER_ABOVE)
+    centre, mean, half = binned_mean(signal, values)
+    axes.errorbar(centre, mean, half, color=style.INK, linewidth=1.5, marker="o", markersize=3.5, capsize=0,
+                  elinewidth=1.2, label="mean of a bin, ± 95 %")
+    axes.axhline(0.0, color=style.INK, linewidth=0.7)
 
 
 def binned_mean(signal: np.ndarray, values: np.ndarray,
