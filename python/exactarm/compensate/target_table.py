@@ -30,7 +30,7 @@ from exactarm.compensate.program import Motion, Notation, Program, SourceText, T
 from exactarm.compensate.setting import Setting
 from exactarm.data.dataset import Dataset, read_named_targets
 from exactarm.errors import InputError
-from exactarm.files.csv_dialect import Dialect, dialect_of, split_header
+from exactarm.files.csv_dialect import Dialect, dialect_of, header_start, split_header
 from exactarm.files.whole_number import whole_number
 from exactarm.robot.controller_frames import base_in_device, target_on_flange
 from exactarm.robot.mdh_frames import relative
@@ -234,14 +234,15 @@ def _owners(names: list[str], setting: Setting, source: SourceText) -> list[int 
 
 def _dialect(source: SourceText) -> Dialect:
     """How the file parts its columns and writes its numbers."""
-    header, _, body = source.content.removeprefix(b"\xef\xbb\xbf").partition(b"\n")
+    header, _, body = source.content[header_start(source.content) :].partition(b"\n")
     return dialect_of(split_header(header.decode())[1], body)
 
 
 def _csv(source: SourceText) -> pa.Table:
     dialect = _dialect(source)
     return pa.csv.read_csv(
-        io.BytesIO(source.content), parse_options=pa.csv.ParseOptions(delimiter=dialect.delimiter),
+        io.BytesIO(source.content[header_start(source.content) :]),
+        parse_options=pa.csv.ParseOptions(delimiter=dialect.delimiter),
         convert_options=pa.csv.ConvertOptions(decimal_point=dialect.decimal),
     )
 
@@ -250,12 +251,14 @@ def _write_csv(source: SourceText, setting: Setting, new_rows: _Written) -> byte
     if b'"' in source.content:
         raise InputError("a cell in quotes; expected numbers without them", file=source.path)
     robot = setting.robot
-    lines, dialect = source.content.splitlines(keepends=True), _dialect(source)
+    start, dialect = header_start(source.content), _dialect(source)
+    lines = source.content[start:].splitlines(keepends=True)
     comma = dialect.delimiter.encode()
     numbers = _cells(new_rows.commands, dialect.decimal)
     times = iter(new_rows.time.tolist())
     left = np.bincount(new_rows.row, minlength=1).tolist()[::-1]  # how often each row is written
-    out, owned, clock = [], None, None  # owned: (place in the line, axis) of each column that is written anew
+    out, owned, clock = [source.content[:start]], None, None
+    # owned: (place in the line, axis) of each column that is written anew
     for line in lines:
         body = line.rstrip(b"\r\n")
         if owned is not None and not body.strip():
@@ -263,12 +266,11 @@ def _write_csv(source: SourceText, setting: Setting, new_rows: _Written) -> byte
             continue
         cells = body.split(comma)
         if owned is None:
-            bom = b"\xef\xbb\xbf" if body.startswith(b"\xef\xbb\xbf") else b""
-            owners = _owners([cell.removeprefix(bom).decode() for cell in cells], setting, source)
+            names = [cell.decode() for cell in cells]
+            owners = _owners(names, setting, source)
             owned = [(place, owner) for place, owner in enumerate(owners) if owner is not None]
-            clock = _time_column([cell.removeprefix(bom).decode() for cell in cells], setting)
+            clock = _time_column(names, setting)
             new = [_name(robot, i).encode() for i in range(robot.axes)]
-            new[0] = (bom if owners[0] == 0 else b"") + new[0]
             many = [(new, np.nan)]
         else:
             many = [(next(numbers), next(times)) for _ in range(left.pop())]
