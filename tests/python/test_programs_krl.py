@@ -187,6 +187,11 @@ REFUSED = {
     "a component that the target leaves out": (f"{SET}PTP XP1\nLIN {{Z {numbers_zyx(tip(1))[2] + 10.0:.4f}}}",
                                                P[1]),
     "one axis that moves alone": (f"PTP {axes(1)}\nPTP {axes(2, '3')}", ""),
+    **{f"a motion with {words}": (
+        f"{SET}PTP XP1\nSLIN XP2 WITH {words}\nSLIN XP3", P[1] + P[2] + P[3]
+        + 'DECL FDAT FP2={TOOL_NO 1,BASE_NO 1,IPO_FRAME #BASE,POINT2[] " "}')
+        for words in ("$TOOL=STOOL2(FP2), $BASE=BASE_DATA[2]", "$BASE=BASE_DATA[1], $TOOL=TOOL_DATA[2]",
+                      "$IPO_MODE=#TCP", "$TOOL=STOOL2(FP2), $BASE=SBASE(FP2.BASE_NO), $IPO_MODE=#TCP")},
     "a shift of a point before its motion": (f"{SET}PTP XP1\nXP2=XP1\nXP2.Z=XP2.Z+10\nPTP XP2", P[1] + P[2]),
     "a component that the program sets": (f"{SET}XP1.X=XP1.X+5.0\nPTP XP1", P[1]),
     "a point that is computed": (f"{SET}PTP XP1\nPTP XP2:{{X 5,Y 0,Z 0,A 0,B 0,C 0}}", P[1] + P[2]),

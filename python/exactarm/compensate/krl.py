@@ -53,6 +53,9 @@ _ROBOT_BASE = re.compile(r"(?im)^[ \t]*(\$ROBROOT\b[^\r\n=]*=(?!=))")
 _LOAD = re.compile(r"(?im)^[ \t]*(\$LOAD\b[^\r\n=]*=(?!=))")
 _REST = re.compile(r"[^\r\n]*")
 _SPLINE = re.compile(r"(?im)^[ \t]*(?:PTP_)?SPLINE\b([^\r\n]*)")
+_OF_FORM = re.compile(  # in capitals: $TOOL=STOOL2(FP1), $BASE=SBASE(FP1.BASE_NO)
+    r"\$(TOOL|BASE|IPO_MODE)[ \t]*=[ \t]*S(?:TOOL2?|BASE|IPO_MODE)[ \t]*"
+    r"\([ \t]*(\w+)[ \t]*(?:\.\w+[ \t]*)?\)")
 _SPLINE_END = re.compile(r"(?im)^[ \t]*ENDSPLINE\b")
 _SILENT = re.compile(  # lines that neither move the arm nor lead elsewhere
     r"(?i)[ \t]*(?:\$\w+(?:\[[^\]\r\n]*\])?(?:\.\w+)?[ \t]*=|[FPL]DAT_ACT[ \t]*=|BAS[ \t]*\([ \t]*#|"
@@ -177,14 +180,16 @@ class _Reader(Frames):
         """Name of the FDAT that holds tool and base of a motion, or of a spline block, by what stands behind
         its word."""
         clause = re.search(r"(?i)\bWITH\b(.*)", behind) if "$" in behind else None
-        if clause is None or not re.search(r"(?i)\$(TOOL|BASE)\b", clause[1]):
+        if clause is None or not re.search(r"(?i)\$(TOOL|BASE|IPO_MODE)\b", clause[1]):
             return inline
-        forms = set(re.findall(r"(?i)\bS(?:TOOL2?|BASE)[ \t]*\([ \t]*(\w+)", clause[1]))
-        if len(forms) != 1:
+        given = dict(_OF_FORM.findall(clause[1].upper()))
+        named = {word.upper() for word in re.findall(r"(?i)\$(TOOL|BASE|IPO_MODE)\b", clause[1])}
+        forms = set(given.values())
+        if len(forms) != 1 or not {"TOOL", "BASE"} <= given.keys() or named - given.keys():
             what = "spline block" if match.re is _SPLINE else "motion"
             raise self.sources[index].refuse(
-                match.start(), f"$TOOL or $BASE of this {what} alone; expected STOOL2(F..), SBASE(F..) of an "
-                               "inline form, or $TOOL and $BASE set before it")
+                match.start(), f"the $TOOL, $BASE or $IPO_MODE of this {what} alone; expected those of "
+                               "one inline form (STOOL2(F..), SBASE(F..)), or set before it")
         return forms.pop().upper()
 
     def left_behind(self, place: int, form: str | None) -> list[Step]:
