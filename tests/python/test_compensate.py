@@ -198,18 +198,6 @@ def test_a_table_keeps_its_delimiter_and_its_decimal_mark(tmp_path):
         assert written[name].decode() != theirs[name]
 
 
-def test_the_line_by_which_excel_tells_the_delimiter_stays(tmp_path):
-    """It was taken for the header, and the run ended in a fault of the program."""
-    cell = Cell(identified(effects=False))
-    line = lambda row: ";".join(map(repr, row)).replace(".", ",") + "\r\n"
-    rows = "".join(map(line, nearby(cell.robot, 3).tolist()))
-    plain = ";".join(f"q_{i}_rad" for i in range(1, 7)) + "\r\n" + rows
-    files = {"plain.csv": plain.encode(), "excel.csv": ("\ufeffsep=;\r\n" + plain).encode()}
-    code, written, _ = compensate(tmp_path, cell.robot, files)
-    assert code == 0 and written["excel.csv"] == b"\xef\xbb\xbfsep=;\r\n" + written["plain.csv"]
-    assert written["plain.csv"] != files["plain.csv"]
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])
 def test_columns_by_other_names_are_corrected_like_ours(tmp_path, suffix):

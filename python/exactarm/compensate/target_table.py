@@ -8,7 +8,7 @@ axis comes; without it the targets follow each other as joint motions, with `tim
 the table with `q_i_rad`, the command that reaches the target, in place of `q_i` or behind the rest. Joint
 angles that are not corrected stay; poses that are not have no command. Points in between of a time series are
 rows of their own, with their time; all other columns must be the same in the rows before and behind, and are
-so in them. `name`: words for --points.
+so in them. `name`: words for --points. `payload_kg` with its centre: the load of a row. Other columns stay.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from exactarm.compensate.controller import ControllerChain
 from exactarm.compensate.flange_poses import Poses
 from exactarm.compensate.program import Motion, Notation, Program, SourceText, Target
 from exactarm.compensate.setting import Setting
+from exactarm.data.columns import PAYLOAD, PAYLOAD_CENTRE
 from exactarm.data.dataset import Dataset, read_named_targets
 from exactarm.errors import InputError
 from exactarm.files.csv_dialect import Dialect, dialect_of, header_start, split_header
@@ -67,14 +68,15 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         late = int(np.argmax(np.diff(data.time) <= 0.0)) + 2
         told = (f"{source.path.name}: time_s does not rise at row {late}: the rows are taken as motions from "
                 "point to point, not as a time series",)
-    lines, rows = (data.row + 1).tolist(), _Rows(source, setting)
+    lines, rows, loads = (data.row + 1).tolist(), _Rows(source, setting), _loads(data)
     for i, line in enumerate(lines):
         name = names[i] if names else f"row {line - 1}"
         if poses is None:
-            targets.append(Target(name, 0, line, q[i]))
+            targets.append(Target(name, 0, line, q[i], load=loads[i]))
         else:
             near = None if q is None else q[i]
-            targets.append(Target(name, 0, line, (i,), is_pose=True, tool=tool, base=base, near=near))
+            targets.append(Target(name, 0, line, (i,), is_pose=True, tool=tool, base=base, near=near,
+                                  load=loads[i]))
         side = None if approach is None else tuple(np.nan_to_num(approach[i]))
         time = float(data.time[i]) if timed and side is None else None
         insert = partial(rows.between, i) if time is not None and i and poses is None else None
@@ -121,6 +123,15 @@ def read_commands(sources: tuple[SourceText, ...], setting: Setting) -> Program:
 
 def _as_they_are(q: np.ndarray) -> np.ndarray:
     return q
+
+
+def _loads(data: Dataset) -> list[tuple[float, tuple[float, float, float]] | None]:
+    """What the flange carries in each row, by `payload_kg` with its centre."""
+    mass = data.covariates.get(PAYLOAD)
+    if mass is None:
+        return [None] * len(data)
+    centre = [data.covariates.get(name, np.zeros(len(data))).tolist() for name in PAYLOAD_CENTRE]
+    return [(kg, place) for kg, place in zip(mass.tolist(), zip(*centre))]
 
 
 def _joint_angles(data: Dataset, source: SourceText) -> np.ndarray | None:
