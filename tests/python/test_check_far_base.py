@@ -1,8 +1,9 @@
-"""A base that has moved so far that no derivative tells it, in the daily check.
+"""A base that has moved so far that no derivative tells it, or turned alone, in the daily check.
 
 Seeds: the first tried, none exchanged; with 20 to 25 the first test holds as well.
 """
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -40,3 +41,14 @@ def test_days_of_two_poses_and_a_tool_that_has_moved_far_are_as_they_were():
     bent = replace(truth, tool=replace(truth.tool, position=truth.tool.position + [0.0, 5e-3, 0.0]))
     result = ea.check(arm, before, days_of(bent, q, random, 4, arm))
     assert result["verdict"] == "moved" and result["causes"][0]["cause"] == "tool"
+
+
+def test_a_base_that_has_turned_is_said_with_its_turn():
+    """Its shift alone was said, which is none."""
+    arm, truth, q, random = an_arm_for(7)
+    rotation = truth.base.rotation @ exp(np.array([0.0, 5e-4, 0.0]))
+    turned = replace(truth, base=replace(truth.base, rotation=rotation))
+    new = days_of(truth, q, random, 3, arm) + days_of(turned, q, random, 5, arm)
+    result = ea.check(arm, before_of(truth, q, random, arm), new)
+    words = re.search(r"The base has moved since .* by .*?(\d\.\d+) mrad\. Alarm", result.report.verdict)
+    assert words and float(words[1]) == pytest.approx(0.5, rel=0.2)

@@ -138,3 +138,21 @@ def test_rows_that_no_command_reaches_are_no_numbers():
     far = Poses(places, np.concatenate([poses.rotation, np.eye(3)[None]]))
     found = command_of(robot, far, near=np.vstack([q, q[:1]]))
     assert np.isnan(found[3]).all() and np.isfinite(found[0]).all()
+
+
+def test_an_arm_at_a_singular_pose_is_seen_nowhere():
+    """Axis 4 came back turned by 24 turns."""
+    robot = identified(effects=False)
+    q = np.vstack([reachable(robot, 1), np.radians([[0.0, 90.0, 0.0, 0.0, 0.0, 0.0]]), reachable(robot, 1)])
+    q[1, 4] = 0.0  # axes 4 and 6 are one, and the axes of the real arm are not
+    found = actual_of(robot, q)
+    assert np.isnan(found[1]).all() and np.abs(found[[0, 2]] - q[[0, 2]]).max() < 0.05
+
+
+def test_a_command_beyond_the_limits_of_the_axes_is_none():
+    """It came back, and no controller takes it."""
+    robot = identified(effects=False)
+    q = reachable(robot, 2)
+    q[1, 0] = CompensationModel.of(robot).controller.limits[1, 0] + 0.05
+    found = command_of(robot, q)
+    assert np.isfinite(found[0]).all() and np.isnan(found[1]).all()

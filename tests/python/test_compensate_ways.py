@@ -1,10 +1,13 @@
 """What a program sets on its ways: known, or refused; points that no motion reaches are told."""
 
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import compensation_cell as cells
+import exactarm as ea
 from compensation_cell import Cell, identified, nearby
 from exactarm.compensate import fanuc_tp, krl, rapid, urscript
 from exactarm.compensate.program import SourceText
@@ -113,3 +116,19 @@ def test_points_that_no_motion_reaches_are_told(dialect, change, said):
 def test_a_weld_along_a_line_is_a_straight_motion():
     program = read(rapid, ("    MoveJ p1,v100\\V:=50,fine,torch", "    ArcL p1,v100,seam,weld,fine,torch"))
     assert program.motions[1].kind == "linear" and not program.targets[1].refusal and not program.warnings
+
+
+@pytest.mark.parametrize("effects", [True, False])
+def test_a_point_that_is_reached_from_both_sides_is_told_where_that_matters(tmp_path, effects):
+    """It was told of arms without gear tables and backlash, too."""
+    robot = identified(effects=effects)
+    if not effects:
+        robot = replace(robot, joints=tuple(replace(joint, cw=None, ccw=None) for joint in robot.joints))
+    axes = ["{" + ",".join(f"A{k} {angle:.6f}" for k, angle in enumerate(row, start=1)) + "}"
+            for row in np.degrees(nearby(robot, 3))]
+    moves = "".join(f"PTP {name}\n" for name in (axes[0], "XP1", axes[1], "XP1"))
+    (tmp_path / "p.src").write_text(f"DEF p()\n{moves}END\n")
+    (tmp_path / "p.dat").write_text(f"DEFDAT p\nDECL E6AXIS XP1={axes[2]}\nENDDAT\n")
+    paths = [tmp_path / "p.src", tmp_path / "p.dat"]
+    told = " ".join(ea.compensate(robot, paths, points="calculated", threads=1).warnings)
+    assert ("XP1 (line 2) is approached from different sides" in told) == effects

@@ -105,6 +105,22 @@ RIGHT = {
         f"{SET}PTP XP1", "DECL E6POS XP1=" + pose(1, A=f"{numbers_zyx(tip(1))[3] + 360:.6f}")),
     "two motions by a semicolon's side": (f"{SET}PTP XP1 ;LIN XP2\nLIN XP2", P[1] + P[2]),
     "a spline": (f"{SET}PTP XP1\nSPLINE\nSPL XP2\nSLIN {pose(3)}\nENDSPLINE", P[1] + P[2]),
+    "a spline block by inline forms": (
+        f"""{SET}PTP XP1
+        SPLINE WITH $VEL=SVEL_CP(0.2), $TOOL=STOOL2(FS1), $BASE=SBASE(FS1.BASE_NO), $APO=SAPO(0)
+        SPL XP2
+        SLIN XP3 WITH $TOOL=STOOL2(FP3), $BASE=SBASE(FP3.BASE_NO)
+        SPL XP4
+        ENDSPLINE
+        LIN XP5""",
+        P[1] + P[3] + P[5] + f"DECL E6POS XP2={pose(2, OTHER_TOOL, OTHER_BASE)}\n"
+        f"DECL E6POS XP4={pose(4, OTHER_TOOL, OTHER_BASE)}\n"
+        'DECL FDAT FS1={TOOL_NO 2,BASE_NO 2,IPO_FRAME #BASE,POINT2[] " "}\n'
+        'DECL FDAT FP3={TOOL_NO 1,BASE_NO 1,IPO_FRAME #BASE,POINT2[] " "}'),
+    "S and T as bits": (
+        f"{SET}PTP XP1\nPTP XP2", "DECL POS XP1=" + pose(1, S=f"'B{4 * int(Q[1][4] < 0):03b}'",
+                                                          T=f"'B {sign_bits(Q[1]):06b}'")
+        + "\nDECL POS XP2=" + pose(2, S=f"'H{4 * int(Q[2][4] < 0):X}'", T=f"'h{sign_bits(Q[2]):02x}'")),
     "a point of the routine alone": (
         f"DECL E6POS P7\n{SET}P7={pose(1)}\nPTP P7\nPTP {{E6POS: {pose(2)[1:]} C_PTP\n"
         f"LIN {{FRAME: {pose(3)[1:]}", ""),
@@ -155,9 +171,7 @@ REFUSED = {
     "a mass that the program sets": (f"{SET}$LOAD.M=5.0\nPTP XP1", P[1]),
     "two points in one declaration": (f"{SET}PTP XP2", f"DECL E6POS XP1={pose(1)},XP2={pose(2)}"),
     "an arc with an angle": (f"{SET}PTP XP1\nCIRC XP2,{pose(3)},CA 180", P[1] + P[2]),
-    "S and T as bits": (
-        f"{SET}PTP XP1", "DECL POS XP1=" + pose(1, S=f"'B{4 * int(Q[1][4] < 0):03b}'",
-                                                T=f"'B{sign_bits(Q[1]):06b}'")),
+    "S as bits that are none": (f"{SET}PTP XP1", "DECL POS XP1=" + pose(1, S="'B012'")),
     "a jump past a tool": (f"{SET}PTP XP1\nGOTO NEXT\n$TOOL=TOOL_DATA[2]\nNEXT:\nPTP XP2", P[1] + P[2]),
     "a loop that calls what sets a tool": (
         f"{SET}FOR I=1 TO 2\nPTP XP1\nhand()\nENDFOR", P[1] + "INT I", "DEF hand()\n$TOOL=TOOL_DATA[2]\nEND"),
@@ -173,6 +187,11 @@ REFUSED = {
     "a component that the target leaves out": (f"{SET}PTP XP1\nLIN {{Z {numbers_zyx(tip(1))[2] + 10.0:.4f}}}",
                                                P[1]),
     "one axis that moves alone": (f"PTP {axes(1)}\nPTP {axes(2, '3')}", ""),
+    **{f"a motion with {words}": (
+        f"{SET}PTP XP1\nSLIN XP2 WITH {words}\nSLIN XP3", P[1] + P[2] + P[3]
+        + 'DECL FDAT FP2={TOOL_NO 1,BASE_NO 1,IPO_FRAME #BASE,POINT2[] " "}')
+        for words in ("$TOOL=STOOL2(FP2), $BASE=BASE_DATA[2]", "$BASE=BASE_DATA[1], $TOOL=TOOL_DATA[2]",
+                      "$IPO_MODE=#TCP", "$TOOL=STOOL2(FP2), $BASE=SBASE(FP2.BASE_NO), $IPO_MODE=#TCP")},
     "a shift of a point before its motion": (f"{SET}PTP XP1\nXP2=XP1\nXP2.Z=XP2.Z+10\nPTP XP2", P[1] + P[2]),
     "a component that the program sets": (f"{SET}XP1.X=XP1.X+5.0\nPTP XP1", P[1]),
     "a point that is computed": (f"{SET}PTP XP1\nPTP XP2:{{X 5,Y 0,Z 0,A 0,B 0,C 0}}", P[1] + P[2]),
@@ -244,6 +263,19 @@ def test_the_middle_of_a_circle_that_is_turned_is_told(tmp_path):
         result = ea.compensate(ROBOT, paths, points="calculated", threads=1, **OPTIONS)
         said.append([words for words in result.json["warnings"] if "middle points of circles" in words])
     assert not said[0] and len(said[1]) == 1 and "line 6" in said[1][0]
+
+
+@pytest.mark.parametrize("motion", [
+    "PTP XP2:{X 5,Y 0,Z 0,A 0,B 0,C 0}", f"LIN {pose(2)}:{RECORD((0, 0, 10.0, 0, 0, 0))}", "LIN XQ[2]",
+    f"CIRC XP2,{pose(3)},CA 180"])
+def test_a_motion_to_no_place_of_its_own_may_be_left_as_it_is(tmp_path, motion):
+    """A sum of frames and an arc with an angle stopped the run whatever --keep-refused said."""
+    program = files(f"{SET}PTP XP1\n{motion}\nLIN {pose(4)}", P[1] + P[2])
+    refused(tmp_path, ROBOT, program, **OPTIONS)
+    written = compensate(tmp_path, ROBOT, program, keep_refused=True, **OPTIONS)
+    line = lambda content, k: content["prog.src"].splitlines()[k]
+    assert line(written, 5) == line(program, 5) and line(written, 6) != line(program, 6)
+    assert written["prog.dat"].splitlines()[1] != program["prog.dat"].splitlines()[1]  # XP1
 
 
 def test_points_of_an_arm_with_absolute_accuracy_are_told(tmp_path):

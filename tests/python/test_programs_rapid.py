@@ -46,6 +46,11 @@ def joints(i, outside=NONE):
     return f"[{row(np.degrees(Q[i]))},{outside}]"
 
 
+def named(i, conf="conf"):
+    position, turn, *_ = target(i).split("],[")
+    return f"{position}],[{turn}],{conf},extj]"
+
+
 HEAVY = f"[{LOAD[0]},{row(1e3 * np.array(LOAD[1]))},[1,0,0,0],0,0,0]"
 LIGHT = "[0.001,[0,0,0.001],[1,0,0,0],0,0,0]"
 DATA = f"""PERS tooldata torch:=[TRUE,{frame(TOOL)},{HEAVY}];
@@ -65,6 +70,10 @@ RIGHT = {
               f"MoveL {target(4, TOOL, np.eye(4))},v100,z10,torch;\n"
               f"MoveL {target(5, TOOL, np.eye(4))},v5,z1,torch"
               "\\WObj:=wobj0;"),
+    "configuration and external axes by their names, as offline programs have them": (
+        f"VAR confdata conf:=[0,0,0,0];\nVAR extjoint extj := {NONE};\n",
+        f"ConfL\\Off;\nMoveAbsJ {joints(0, 'extj')},v100,fine,{T}\nMoveL {named(1)},v100,fine,{T}\n"
+        f"MoveL {named(2)},v100,z10,{T}"),
     "no tool": ("", f"MoveJ {target(1, (0,) * 6, np.eye(4))},v100,fine,tool0;"),
     "an instruction over several lines, letters large and small": (
         P[1], f"movej  P1 ,\n   v100\\V:=50 , fine\\Inpos:=inpos50 ,\n  TORCH \\wobj := Table ; ! MoveL p2;\n"
@@ -99,7 +108,15 @@ RIGHT = {
         "", f"VAR robtarget here:={target(1)};\nMoveJ here,v100,fine,{T}"),
     "numbers in every form": ("", f"MoveJ {EXPONENT},v100,fine,{T}"),
 }
+NAMES = f"VAR confdata conf:=[0,0,0,0];\nVAR extjoint extj:={NONE};\n"
 REFUSED = {
+    "a configuration with a name that is looked at": (NAMES, f"MoveL {named(1)},v100,z10,{T}"),
+    "external axes with a name that are in use": (
+        NAMES.replace("9E+09", "100.0", 1), f"ConfL\\Off;\nMoveL {named(1)},v100,z10,{T}"),
+    "external axes with a name that the program sets": (
+        NAMES, f"ConfL\\Off;\nextj.eax_a:=100;\nMoveL {named(1)},v100,z10,{T}"),
+    "external axes with a name that is not there": (
+        NAMES.replace("extj", "ext"), f"ConfL\\Off;\nMoveL {named(1)},v100,z10,{T}"),
     "a tool that a routine changes which is given it": (
         P[1], f"change torch;\nMoveJ p1,v100,fine,{T}\nENDPROC\nPROC change(PERS tooldata t)\n"
               "t.tframe.trans.z:=300;"),

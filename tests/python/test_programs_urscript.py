@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from compensation_cell import nearby
 from interpreters import urscript
-from interpreters.urscript import Pose, to_matrix
+from interpreters.urscript import Pose, to_matrix, to_pose
 from interpreters.verdict import arm_of, corrected, refused, robot_of
 
 TOOL = [0.085, -0.03, 0.21, 0.3, -0.2, 0.5]
@@ -35,6 +35,15 @@ def pose(i, tool=TOOL, turns=0):
 
 def joints(i):
     return f"[{row(Q[i])}]"
+
+
+FRAMES = ("p[0.35, -0.12, 0.26, 0.0, 0.0, 0.2]", "p[0.1, 0.2, -0.05, 0.1, 0.0, -0.3]")
+
+
+def framed(i, k):
+    """The pose of point i in a frame."""
+    frame = to_matrix(Pose(eval(FRAMES[k][1:])))
+    return f"p[{row(to_pose(np.linalg.inv(frame) @ ARM.pose(Q[i]) @ to_matrix(Pose(TOOL))))}]"
 
 
 SET = f"set_tcp(p[{row(TOOL)}])\n"
@@ -74,6 +83,11 @@ RIGHT = {
                         f"movel(pose_trans(a, p[0.02,0,-0.01,0,0,0.1]), a=1.2, v=0.25)\n"
                         f"movej(get_inverse_kin(pose_trans(a, p[0.01,0,0,0,0,0]), qnear={joints(1)}))\n"
                         f"movel(pose_trans(pose_trans(a, p[0,0,0.01,0,0,0]), p[0,0.03,0,0,0,0]))",
+    "a frame that is set again, as offline programs have it": (
+        f"global frame = p[0,0,0,0,0,0]\n{SET}movej({joints(0)},1.2,0.7,0,0.0)\n"
+        f"frame = {FRAMES[0]}\nmovel(pose_trans(frame,{framed(1, 0)}),1.2,0.25,0,0.001)\n"
+        f"frame = {FRAMES[1]}\nmovel(pose_trans(frame,{framed(2, 1)}),1.2,0.25,0,0.001)\n"
+        f"movel(pose_trans(frame,{framed(3, 1)}))"),
     "numbers in every form": f"{SET}movej([{', '.join(f'{v:+.10e}' for v in Q[1])}])",
     "a name that looks like a pose": f"{SET}stop = {joints(1)}\nmovej(stop)\nmovep({pose(2)}, r=0.02)",
 }
@@ -103,6 +117,21 @@ REFUSED = {
                                                f"movej(pose_trans(a, p[0,0,0.01,0,0,0]))",
     "a pose in a frame that changes": f"{SET}a = {pose(1)}\na[2] = 0.3\n"
                                       f"movej(pose_trans(a, p[0,0,0.01,0,0,0]))",
+    "a frame that hangs on a branch":
+        f"{SET}f = {FRAMES[0]}\nif 1 > 2:\nf = {FRAMES[1]}\nend\nmovej(pose_trans(f, {framed(1, 0)}))",
+    "a frame that a routine sets":
+        f"{SET}global f = {FRAMES[1]}\ndef sub():\nglobal f = {FRAMES[0]}\nend\nsub()\n"
+        f"movej(pose_trans(f, {framed(1, 0)}))",
+    "a frame that a loop sets further down":
+        f"{SET}f = {FRAMES[0]}\ni = 0\nwhile i < 2:\nmovej(pose_trans(f, {framed(1, 0)}))\n"
+        f"f = {FRAMES[1]}\ni = i + 1\nend",
+    "one pose in a frame that is set again":
+        f"{SET}b = {framed(1, 0)}\nf = {FRAMES[0]}\nmovej(pose_trans(f, b))\n"
+        f"f = p[0.36, -0.12, 0.26, 0, 0, 0.2]\nmovej(pose_trans(f, b))",
+    "a frame that is set before it has numbers": f"{SET}f = pose_inv({FRAMES[0]})\nf[2] = 0.3\n"
+                                                 f"movej(pose_trans(f, {framed(1, 0)}))",
+    "a tool that a thread sets": f"{SET}thread hand():\nwhile True:\n{OTHER}sleep(1)\nend\nend\n"
+                                 f"x = run hand()\n{SET}movej({pose(1)})",
     "a pose in two frames": f"{SET}a = {pose(1)}\nb = p[0,0,0.01,0,0,0]\nmovej(pose_trans(a, b))\n"
                             f"movej(pose_trans({pose(2)}, b))",
     "a pose that is computed from another": f"{SET}a = {pose(1)}\nb = pose_add(a, p[0,0,0.01,0,0,0])\n"

@@ -228,7 +228,10 @@ def _size(cause: Cause) -> str:
         unit = unit_of(cause.parameters[0])
         size, least, most = (quantity(float(value), unit) for value in (cause.estimate[0], low, high))
         return f" by {size} ({least} to {most})"
-    return f" by {quantity(float(np.linalg.norm(cause.estimate[:3])), 'm')}"
+    parts = [(slice(0, 3), "m"), (slice(3, 6), "rad")][: len(cause.parameters) // 3]
+    seen = [part for part in parts if any(low > 0.0 or high < 0.0 for low, high in cause.intervals[part[0]])]
+    sizes = [quantity(float(np.linalg.norm(cause.estimate[rows])), unit) for rows, unit in seen or parts]
+    return f" by {' and '.join(sizes)}"
 
 
 def _report(robot: Robot, series: Daily, change: Alarms, found: Explanation, days_per_year: float) -> Report:

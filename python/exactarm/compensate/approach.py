@@ -13,12 +13,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from exactarm.chain.direction import direction_of_motion
-from exactarm.compensate.flange_poses import Poses, solved
+from exactarm.compensate.flange_poses import Poses, pose_error, solved
 from exactarm.compensate.law import CompensationModel
 from exactarm.compensate.program import Motion, Program
 from exactarm.data.rows import LEAST_TURN_RAD
 from exactarm.numerics.rotation import turn
 
+SAME_PLACE = 1e-8  # m and rad: below the last digit of any program
 
 class Sides:
     """Of the targets of a program, for joint angles that change a little from one call to the next."""
@@ -36,7 +37,9 @@ class Sides:
         sides, warnings = np.zeros_like(q), list(self.program.warnings)
         sides[self.met] = comes[self.first]
         other = np.flatnonzero(np.any(comes != sides[self.visits], axis=1))
-        for index in dict.fromkeys(self.visits[other].tolist()):
+        again = self.visits[other]
+        apart = self.parted(q[again], comes[other], sides[again])
+        for index in dict.fromkeys(again[apart].tolist()):
             target = self.program.targets[index]
             warnings.append(f"{target.name} (line {target.line}) is approached from different sides: the "
                             "mean of both gear tables is taken there")
@@ -44,6 +47,15 @@ class Sides:
             index = self.visits[visit]
             sides[index] = np.where(sides[index] == comes[visit], sides[index], 0.0)
         return sides, warnings
+
+    def parted(self, q: np.ndarray, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """(K,) whether the arm stands elsewhere at q (K, n) where it comes from the other side: not without
+        gear tables and backlash."""
+        if not len(q):
+            return np.zeros(0, bool)
+        model, known = self.approaches.model, np.nan_to_num(q)
+        apart = pose_error(model.reached(known, one), model.reached(known, other))
+        return np.linalg.norm(apart, axis=1) > SAME_PLACE
 
 
 class Approaches:

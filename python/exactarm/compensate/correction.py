@@ -19,7 +19,7 @@ from exactarm.compensate.approach import Sides
 from exactarm.compensate.circles import odd_middles
 from exactarm.compensate.collector import collector_at_rest
 from exactarm.compensate.flange_poses import pose_error, stacked, tip_poses
-from exactarm.compensate.law import NEAR_SINGULAR, NOT_REACHED, CompensationModel
+from exactarm.compensate.law import LARGEST_TURN_RAD, NEAR_SINGULAR, NOT_REACHED, CompensationModel
 from exactarm.compensate.program import HERE, Edit, Program
 from exactarm.compensate.resolution import Resolved, flanges_of, joints_of, resolve, tips_of
 from exactarm.compensate.series import series_bends
@@ -27,9 +27,6 @@ from exactarm.compensate.straightness import Bend, bends, unknown_tips
 from exactarm.compensate.ways import listed
 from exactarm.errors import InputError
 
-LARGEST_TURN_RAD = (
-    0.2  # a correction that turns an axis further changes the branch, or the model is not this arm's
-)
 SAME_SIDE = 1e-3  # of a passage between two gear tables that differ by some 1e-4 rad
 SETTLED = 4  # passes in which a correction may change the direction from which an axis comes
 GUESSED = ("{} (line {}): nothing says on which branch of the arm it is; the one nearest to the middle of "

@@ -25,6 +25,7 @@ from exactarm.compensate.angles import from_zyx, to_zyx
 from exactarm.compensate.configuration import ZERO_RAD, sign_bits, signs_fit
 from exactarm.compensate.flange_poses import Poses
 from exactarm.compensate.krl_data import (
+    AGGREGATE,
     ASSIGNED,
     CARTESIAN,
     POINT_NAME,
@@ -51,7 +52,11 @@ _POINT = re.compile(r"(?im)^[ \t]*(?:(?:global|decl)[ \t]+)*(?:E6)?(?:POS|AXIS)[
 _ROBOT_BASE = re.compile(r"(?im)^[ \t]*(\$ROBROOT\b[^\r\n=]*=(?!=))")
 _LOAD = re.compile(r"(?im)^[ \t]*(\$LOAD\b[^\r\n=]*=(?!=))")
 _REST = re.compile(r"[^\r\n]*")
-_SPLINE = re.compile(r"(?im)^[ \t]*(?:PTP_)?SPLINE\b[^\r\n]*\bWITH\b[^\r\n]*\$(?:TOOL|BASE)\b")
+_SPLINE = re.compile(r"(?im)^[ \t]*(?:PTP_)?SPLINE\b([^\r\n]*)")
+_OF_FORM = re.compile(  # in capitals: $TOOL=STOOL2(FP1), $BASE=SBASE(FP1.BASE_NO)
+    r"\$(TOOL|BASE|IPO_MODE)[ \t]*=[ \t]*S(?:TOOL2?|BASE|IPO_MODE)[ \t]*"
+    r"\([ \t]*(\w+)[ \t]*(?:\.\w+[ \t]*)?\)")
+_SPLINE_END = re.compile(r"(?im)^[ \t]*ENDSPLINE\b")
 _SILENT = re.compile(  # lines that neither move the arm nor lead elsewhere
     r"(?i)[ \t]*(?:\$\w+(?:\[[^\]\r\n]*\])?(?:\.\w+)?[ \t]*=|[FPL]DAT_ACT[ \t]*=|BAS[ \t]*\([ \t]*#|"
     r"WAIT[ \t]+(?:SEC|FOR)\b|CONTINUE\b|PULSE[ \t]*\()")
@@ -123,9 +128,6 @@ class _Reader(Frames):
     def motions_of(self, index: int) -> None:
         text, source = self.texts[index], self.sources[index]
         small = text.lower()
-        for match in source.at_lines(_SPLINE, text) if "spline" in small else ():
-            raise source.refuse(match.start(), "$TOOL or $BASE in the head of a spline block; expected them "
-                                               "set before it")
         for match in source.at_lines(_ROBOT_BASE, text) if "$robroot" in small else ():
             raise source.refuse(match.start(1), "the program sets where the arm stands, $ROBROOT, from which "
                                                 "bases count; expected an arm that stays")
@@ -133,7 +135,9 @@ class _Reader(Frames):
             raise source.refuse(match.start(1),
                                 "the program sets its load, $LOAD; expected --payload with it")
         events = [*self.moves[index], *source.at_lines(_BAS, text), *self.assigned[index]]
-        steps, inline = blocks(source, text), None
+        if "spline" in small:
+            events += [*source.at_lines(_SPLINE, text), *source.at_lines(_SPLINE_END, text)]
+        steps, inline, block = blocks(source, text), None, None
         for match in sorted(events, key=lambda match: match.start()):
             place = match.start()
             if match.re is _BAS:
@@ -146,8 +150,10 @@ class _Reader(Frames):
                 elif name in START:
                     value = self.assigned_record(index, match) or re.sub(r"\s", "", rest.upper())
                     steps.append(Step(place, "set", (name, UNCERTAIN if match[4] else value)))
+            elif match.re in (_SPLINE, _SPLINE_END):
+                block = self.inline_form(index, match, match[1], None) if match.re is _SPLINE else None
             else:
-                form = self.inline_form(index, match, inline)
+                form = self.inline_form(index, match, match[3], inline) or block
                 steps += [Step(place, "move", (match, form)), *self.left_behind(place, inline)]
                 inline = None
         setting = settings_of(steps)
@@ -170,16 +176,20 @@ class _Reader(Frames):
         return [] if which == "FRAMES" else [
             Step(place, "set", (f"${which}", f"{which}_DATA[{number.strip()}]"))]
 
-    def inline_form(self, index: int, match: re.Match, inline: str | None) -> str | None:
-        """Name of the FDAT that holds tool and base of a motion."""
-        clause = re.search(r"(?i)\bWITH\b(.*)", match[3]) if "$" in match[3] else None
-        if clause is None or not re.search(r"(?i)\$(TOOL|BASE)\b", clause[1]):
+    def inline_form(self, index: int, match: re.Match, behind: str, inline: str | None) -> str | None:
+        """Name of the FDAT that holds tool and base of a motion, or of a spline block, by what stands behind
+        its word."""
+        clause = re.search(r"(?i)\bWITH\b(.*)", behind) if "$" in behind else None
+        if clause is None or not re.search(r"(?i)\$(TOOL|BASE|IPO_MODE)\b", clause[1]):
             return inline
-        forms = set(re.findall(r"(?i)\bS(?:TOOL2?|BASE)[ \t]*\([ \t]*(\w+)", clause[1]))
-        if len(forms) != 1:
+        given = dict(_OF_FORM.findall(clause[1].upper()))
+        named = {word.upper() for word in re.findall(r"(?i)\$(TOOL|BASE|IPO_MODE)\b", clause[1])}
+        forms = set(given.values())
+        if len(forms) != 1 or not {"TOOL", "BASE"} <= given.keys() or named - given.keys():
+            what = "spline block" if match.re is _SPLINE else "motion"
             raise self.sources[index].refuse(
-                match.start(), "$TOOL or $BASE of this motion alone; expected STOOL2(F..), SBASE(F..) of an "
-                               "inline form, or $TOOL and $BASE set before it")
+                match.start(), f"the $TOOL, $BASE or $IPO_MODE of this {what} alone; expected those of "
+                               "one inline form (STOOL2(F..), SBASE(F..)), or set before it")
         return forms.pop().upper()
 
     def left_behind(self, place: int, form: str | None) -> list[Step]:
@@ -207,15 +217,20 @@ class _Reader(Frames):
         if not words or not words[0][0].strip():
             raise source.refuse(match.start(), f"{kind} without a point")
         if kind.endswith("CIRC"):
-            if len(words) < 2 or any(re.match(r"(?i)\s*CA\b", word) for word, _ in words[2:]):
-                raise source.refuse(match.start(),
-                                    f"{kind} with an angle, or without two points; expected two points")
+            if len(words) < 2:
+                raise source.refuse(match.start(), f"{kind} without two points; expected two")
+            angle = any(re.match(r"(?i)\s*CA\b", word) for word, _ in words[2:])
             words = words[:2]
         else:
-            words = words[:1]
+            words, angle = words[:1], False
         places = []
         for word, place in words:
-            if "{" not in word and not POINT_NAME.match(word.strip()):
+            if angle:
+                places.append(self.unread(word, index, line,
+                                          "an arc that ends at an angle (CA); expected one that ends at its "
+                                          "point"))
+                continue
+            if not POINT_NAME.match(word.strip()) and not AGGREGATE.fullmatch(word.strip()):
                 places.append(self.unread(word, index, line,
                                           "the point is computed; expected a name or numbers"))
                 continue
@@ -224,6 +239,7 @@ class _Reader(Frames):
         self.arrive(index, match, line, places, state, inline)
 
     def unread(self, name: str, index: int, line: int, why: str) -> int:
+        name = f"line {line}" if name.lstrip().startswith("{") else name
         self.targets.append(Target.unread(name, index, line, why))
         return len(self.targets) - 1
 

@@ -59,6 +59,7 @@ _PLAIN = re.compile(  # most points; the rest of the way is for all others
     r"(?i)\{\s*(?:\w+\s*:\s*)?(?:" + _FIELDS(CARTESIAN)
     + r"(?:\s*,\s*S\s+(?P<S>\d+)\s*,\s*T\s+(?P<T>\d+))?|" + _FIELDS([f"A{i}" for i in range(1, 7)]) + ")"
     + "".join(rf"(?:\s*,\s*E{i}\s+(?:0(?:\.0*)?|9E9))?" for i in range(1, 7)) + r"\s*\}")
+_BITS = re.compile(r"\s*'\s*([BbHh])\s*([0-9A-Fa-f]+)\s*'\s*")
 _GROUPS = {"X": slice(0, 6), "A1": slice(8, 14)}
 
 
@@ -182,7 +183,19 @@ class Declarations:
     def status_and_turn(self, point: Aggregate) -> list[Number | None]:
         if point.plain is not None and point.plain["T"] is None:
             return [None, None]
-        return [self.number(point, key) if key in point.fields else None for key in ("S", "T")]
+        return [self.whole(point, key) if key in point.fields else None for key in ("S", "T")]
+
+    def whole(self, point: Aggregate, key: str) -> Number:
+        """S or T, which may stand as bits, too: 'B010', 'H1F'."""
+        text, place = point.fields[key]
+        bits = _BITS.fullmatch(text)
+        if bits is None:
+            return self.number(point, key)
+        try:
+            value = int(bits[2], 2 if bits[1] in "Bb" else 16)
+        except ValueError:
+            raise self.sources[point.file].refuse(place, f"{key} is {text.strip()}; expected bits") from None
+        return Number(float(value), place + text.index("'"), place + text.rindex("'") + 1)
 
     def complete(self, point: Aggregate, wanted: Sequence[str]) -> None:
         missing = [key for key in wanted if key not in point.fields]

@@ -42,16 +42,20 @@ REACHED = 1e-10  # m and rad: a hundredth of the last digit that any program car
 # Frobenius norm of J^-1 (rad per m or rad): 1 mrad, the orientation error of an arm as delivered, turns an
 # axis by 0.1 rad.
 NEAR_SINGULAR = 100.0
+LARGEST_TURN_RAD = (
+    0.2  # a correction that turns an axis further changes the branch, or the model is not this arm's
+)
 
 
 @dataclass(frozen=True)
 class Commands:
     """Joint angles q (N, n) to command, the error left (N,) m and rad (of fewer than six axes: of the place,
-    m), the norm (N,) of J^-1."""
+    m), the norm (N,) of J^-1, and the largest turn (N,) of an axis from where the search began."""
 
     q: np.ndarray
     left_over: np.ndarray
     amplification: np.ndarray
+    turned: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -136,7 +140,7 @@ class CompensationModel:
         inverse = self._inverse(there, threads)
         amplification = np.linalg.norm(inverse, axis=(1, 2))
         error = pose_error(targets, Poses(there.position, there.rotation))
-        axes = q.shape[1]
+        axes, begun = q.shape[1], q.copy()
         left_over = missing(error, axes)
         for step in range(STEPS):
             rows = np.flatnonzero((left_over > REACHED) & np.isfinite(amplification))
@@ -152,7 +156,7 @@ class CompensationModel:
             left_over[rows] = missing(left[better], axes)
         if axes < 6:
             left_over = np.linalg.norm(error[:, :3], axis=1)
-        return Commands(q, left_over, amplification)
+        return Commands(q, left_over, amplification, np.abs(q - begun).max(axis=1, initial=0.0))
 
 
 def command_of(
@@ -166,7 +170,8 @@ def command_of(
 
     targets: joint angles (N, n) as a planner means them (the pose of the controller's own chain), or Poses
     with `near` (N, n) beside them, angles on the branch that is wanted. approach (N, n): as each axis comes
-    to its target. NaN in rows that no command reaches, as at a singular pose.
+    to its target. NaN in rows that no command within the limits of the axes reaches, or only one that turns
+    an axis by LARGEST_TURN_RAD and more, as at a singular pose.
     """
     model = CompensationModel.of(robot_of(robot))
     if isinstance(targets, Poses):
@@ -181,7 +186,10 @@ def command_of(
         poses = model.controller.poses(start)
     side = None if approach is None else _rows(model, approach, "approach", len(found))[rows]
     commands = model.commands(poses, start, side, threads)
-    found[rows] = np.where(commands.left_over[:, None] < NOT_REACHED, commands.q, np.nan)
+    low, high = model.controller.limits
+    good = (commands.left_over < NOT_REACHED) & (commands.turned < LARGEST_TURN_RAD)
+    good &= np.all((commands.q >= low) & (commands.q <= high), axis=1)
+    found[rows] = np.where(good[:, None], commands.q, np.nan)
     return found
 
 
@@ -205,11 +213,16 @@ def actual_of(
     """The inverse of `command_of`: joint angles (N, n) at which a planner should see an arm whose encoders
     say `joints`.
 
-    The controller's own chain has there the pose in which the real arm stands.
+    The controller's own chain has there the pose in which the real arm stands. NaN in rows where it has that
+    pose nowhere near by, as at a singular pose.
     """
     model = CompensationModel.of(robot_of(robot))
     joints = _rows(model, joints, "joints")
     side = None if approach is None else _rows(model, approach, "approach", len(joints))
     there = model.prediction(joints, side, threads)
-    near = model.controller.unturned(there.view.q)
-    return model.controller.joints(Poses(there.position, there.rotation), near)
+    near, real = model.controller.unturned(there.view.q), Poses(there.position, there.rotation)
+    found = model.controller.joints(real, near)
+    error, axes = pose_error(real, model.controller.poses(found)), model.actual.axes
+    left_over = missing(error, axes) if axes >= 6 else np.linalg.norm(error[:, :3], axis=1)
+    good = (left_over < NOT_REACHED) & (np.abs(found - near).max(axis=1, initial=0.0) < LARGEST_TURN_RAD)
+    return np.where(good[:, None], found, np.nan)

@@ -28,6 +28,7 @@ from exactarm.compensate.program import (
     Edit,
     Motion,
     Notation,
+    Number,
     Numbers,
     Program,
     SourceText,
@@ -49,6 +50,10 @@ NAME, SUFFIXES = "RAPID", (".mod", ".modx", ".sys", ".sysx")
 MM_DECIMALS, DEG_DECIMALS, QUATERNION_DECIMALS = 5, 7, 9
 DIGITS = (MM_DECIMALS,) * 3 + (QUATERNION_DECIMALS,) * 4
 PARTS = ((3, "the position"), (4, "the orientation"), (4, "the configuration"), (6, "the external axes"))
+SHARED = {2: "confdata", 3: "extjoint"}  # parts that may be names
+NOWHERE = (0, 0)  # of a number that is not written
+FIXED = ("its configuration is a name, which others may share; expected numbers, or ConfJ\\Off and "
+         "ConfL\\Off for the module")
 NOT_IN_USE = {9e9, 0.0}  # of an external axis
 FRAME_NUMBERS = 7
 SPREAD = {"v", "wobj", "tload"}  # switches that hold for each part of a way; a time, a number does not
@@ -100,7 +105,8 @@ def _notation(setting: Setting) -> Notation:
         new = quadrants(reported)
         for k, i in np.argwhere(~in_quadrant(reported[:, [0, 3, 5]], np.trunc(old))):
             target = targets[rows[k]]
-            yield Edit(target.file, *target.places[7 + i], b"%d" % new[k, i])
+            if target.places[7 + i] != NOWHERE:
+                yield Edit(target.file, *target.places[7 + i], b"%d" % new[k, i])
 
     return Notation(
         joints=lambda numbers: setting.joints(np.radians(numbers)),
@@ -220,16 +226,19 @@ class _Reader(Frames):
             position = ",".join(f"{value:.{MM_DECIMALS}f}" for value in 1e3 * tip.position)
             turn = ",".join(f"{value:.{QUATERNION_DECIMALS}f}" for value in wxyz)
             reported = self.setting.reported(q)
-            word = [*quadrants(reported).tolist(), self.wrist(index, target, place, reported)]
+            word = [*quadrants(reported).tolist(), self.wrist(index, target, place)]
             literal = f"[[{position}],[{turn}],[{','.join(map(str, word))}],[9E9,9E9,9E9,9E9,9E9,9E9]]"
             lines.append(head + literal + middle + FLY_BY + tail + newline[0])
         return Edit(index, start, start, "".join(lines).encode("latin-1"))
 
-    def wrist(self, index: int, target: str, place: int, reported: np.ndarray) -> int:
+    def wrist(self, index: int, target: str, place: int) -> int:
         """cfx of a point on the way: that of its end, for no straight motion passes a singular pose."""
-        word = target.strip()
-        literal = self.literal(index, place) if word.startswith("[") else self.seen(index, word)[0].literal
-        return int(float(literal.parts[2][3][0]))
+        word, file = target.strip(), index
+        literal = self.literal(index, place) if word.startswith("[") else None
+        if literal is None:
+            datum = self.seen(index, word)[0]
+            literal, file = datum.literal, datum.file
+        return int(self.part(file, literal, 2)[3].value)
 
     def target(
         self, index: int, value: str, place: int, axes: bool, tool: str, wobj: str, whole: Literal | None,
@@ -296,7 +305,7 @@ class _Reader(Frames):
         monitored = self.setting.robot.axes == 6 and not nearest
         return Target(*where, numbers, places, DIGITS, is_pose=True, tool=tip, base=base, load=load,
                       matches=partial(self.fits, numbers[7:11]) if monitored else None,
-                      refusal=why or why_base)
+                      refusal=why or why_base or (FIXED if monitored and places[7] == NOWHERE else ""))
 
     def robtarget(self, file: int, literal: Literal) -> Numbers:
         """Its numbers, but those of external axes, which must not be in use."""
@@ -308,12 +317,22 @@ class _Reader(Frames):
             if self.outside[words[11:]] and max(map(abs, values)) <= LARGEST:
                 return Numbers(values, literal.plain.regs[1:12])
         source = self.sources[file]
-        numbers = Numbers.of([number for k, (count, what) in enumerate(PARTS)
-                              for number in self.numbers(file, literal, k, count, what)])
+        numbers = Numbers.of([number for k in range(len(PARTS)) for number in self.part(file, literal, k)])
         if not NOT_IN_USE.issuperset(numbers.values[11:]):
             raise source.refuse(literal.start, "an external axis is in use; expected 9E9 in all of them")
         Numbers(numbers.values[:7], numbers.places).checked(source)
         return Numbers(numbers.values[:11], numbers.places[:11])
+
+    def part(self, file: int, literal: Literal, k: int) -> list[Number]:
+        """Numbers of a part of a robtarget. Configuration and external axes may be names: other targets may
+        share them, and so their numbers have no place where new ones could be written."""
+        part = literal.parts[k] if k < len(literal.parts) else None
+        if k not in SHARED or not isinstance(part, tuple) or not re.fullmatch(r"\w+", part[0].strip()):
+            return self.numbers(file, literal, k, *PARTS[k])
+        datum = self.datum(file, part[0].strip(), part[1], (SHARED[k],))
+        alone = Literal(datum.literal.start, datum.literal.end, [datum.literal.nested])
+        return [number._replace(start=NOWHERE[0], end=NOWHERE[1])
+                for number in self.numbers(datum.file, alone, 0, *PARTS[k])]
 
     def fits(self, cf: Sequence[float], q: np.ndarray) -> bool:
         """Whether joint angles are of a configuration."""

@@ -19,8 +19,8 @@ from exactarm.compensate.program import NUMBER, Number, SourceText
 
 # Of what stands before a `:=`
 _DATA = re.compile(
-    r"(?i)\b(LOCAL\s+)?(?:CONST|PERS|VAR|TASK\s+PERS)\s+(robtarget|jointtarget|tooldata|wobjdata)\s+"
-    r"(\w+)\s*(\{[^}]*\})?\s*\Z"
+    r"(?i)\b(LOCAL\s+)?(?:CONST|PERS|VAR|TASK\s+PERS)\s+"
+    r"(robtarget|jointtarget|tooldata|wobjdata|confdata|extjoint)\s+(\w+)\s*(\{[^}]*\})?\s*\Z"
 )
 _ASSIGNED = re.compile(r"(?<![\w\\.}])(\w+)[ \t]*(?:\{[^}]*\}|\.\w+)*\s*\Z")
 # Of text in small letters; letters first and the edge of the word behind them: so the search is quick

@@ -8,7 +8,7 @@ axis comes; without it the targets follow each other as joint motions, with `tim
 the table with `q_i_rad`, the command that reaches the target, in place of `q_i` or behind the rest. Joint
 angles that are not corrected stay; poses that are not have no command. Points in between of a time series are
 rows of their own, with their time; all other columns must be the same in the rows before and behind, and are
-so in them. `name`: words for --points.
+so in them. `name`: words for --points. `payload_kg` with its centre: the load of a row. Other columns stay.
 """
 
 from __future__ import annotations
@@ -28,9 +28,10 @@ from exactarm.compensate.controller import ControllerChain
 from exactarm.compensate.flange_poses import Poses
 from exactarm.compensate.program import Motion, Notation, Program, SourceText, Target
 from exactarm.compensate.setting import Setting
+from exactarm.data.columns import PAYLOAD, PAYLOAD_CENTRE
 from exactarm.data.dataset import Dataset, read_named_targets
 from exactarm.errors import InputError
-from exactarm.files.csv_dialect import Dialect, dialect_of, split_header
+from exactarm.files.csv_dialect import Dialect, dialect_of, header_start, split_header
 from exactarm.files.whole_number import whole_number
 from exactarm.robot.controller_frames import base_in_device, target_on_flange
 from exactarm.robot.mdh_frames import relative
@@ -67,14 +68,15 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         late = int(np.argmax(np.diff(data.time) <= 0.0)) + 2
         told = (f"{source.path.name}: time_s does not rise at row {late}: the rows are taken as motions from "
                 "point to point, not as a time series",)
-    lines, rows = (data.row + 1).tolist(), _Rows(source, setting)
+    lines, rows, loads = (data.row + 1).tolist(), _Rows(source, setting), _loads(data)
     for i, line in enumerate(lines):
         name = names[i] if names else f"row {line - 1}"
         if poses is None:
-            targets.append(Target(name, 0, line, q[i]))
+            targets.append(Target(name, 0, line, q[i], load=loads[i]))
         else:
             near = None if q is None else q[i]
-            targets.append(Target(name, 0, line, (i,), is_pose=True, tool=tool, base=base, near=near))
+            targets.append(Target(name, 0, line, (i,), is_pose=True, tool=tool, base=base, near=near,
+                                  load=loads[i]))
         side = None if approach is None else tuple(np.nan_to_num(approach[i]))
         time = float(data.time[i]) if timed and side is None else None
         insert = partial(rows.between, i) if time is not None and i and poses is None else None
@@ -121,6 +123,15 @@ def read_commands(sources: tuple[SourceText, ...], setting: Setting) -> Program:
 
 def _as_they_are(q: np.ndarray) -> np.ndarray:
     return q
+
+
+def _loads(data: Dataset) -> list[tuple[float, tuple[float, float, float]] | None]:
+    """What the flange carries in each row, by `payload_kg` with its centre."""
+    mass = data.covariates.get(PAYLOAD)
+    if mass is None:
+        return [None] * len(data)
+    centre = [data.covariates.get(name, np.zeros(len(data))).tolist() for name in PAYLOAD_CENTRE]
+    return [(kg, place) for kg, place in zip(mass.tolist(), zip(*centre))]
 
 
 def _joint_angles(data: Dataset, source: SourceText) -> np.ndarray | None:
@@ -234,14 +245,15 @@ def _owners(names: list[str], setting: Setting, source: SourceText) -> list[int 
 
 def _dialect(source: SourceText) -> Dialect:
     """How the file parts its columns and writes its numbers."""
-    header, _, body = source.content.removeprefix(b"\xef\xbb\xbf").partition(b"\n")
+    header, _, body = source.content[header_start(source.content) :].partition(b"\n")
     return dialect_of(split_header(header.decode())[1], body)
 
 
 def _csv(source: SourceText) -> pa.Table:
     dialect = _dialect(source)
     return pa.csv.read_csv(
-        io.BytesIO(source.content), parse_options=pa.csv.ParseOptions(delimiter=dialect.delimiter),
+        io.BytesIO(source.content[header_start(source.content) :]),
+        parse_options=pa.csv.ParseOptions(delimiter=dialect.delimiter),
         convert_options=pa.csv.ConvertOptions(decimal_point=dialect.decimal),
     )
 
@@ -250,12 +262,14 @@ def _write_csv(source: SourceText, setting: Setting, new_rows: _Written) -> byte
     if b'"' in source.content:
         raise InputError("a cell in quotes; expected numbers without them", file=source.path)
     robot = setting.robot
-    lines, dialect = source.content.splitlines(keepends=True), _dialect(source)
+    start, dialect = header_start(source.content), _dialect(source)
+    lines = source.content[start:].splitlines(keepends=True)
     comma = dialect.delimiter.encode()
     numbers = _cells(new_rows.commands, dialect.decimal)
     times = iter(new_rows.time.tolist())
     left = np.bincount(new_rows.row, minlength=1).tolist()[::-1]  # how often each row is written
-    out, owned, clock = [], None, None  # owned: (place in the line, axis) of each column that is written anew
+    out, owned, clock = [source.content[:start]], None, None
+    # owned: (place in the line, axis) of each column that is written anew
     for line in lines:
         body = line.rstrip(b"\r\n")
         if owned is not None and not body.strip():
@@ -263,12 +277,11 @@ def _write_csv(source: SourceText, setting: Setting, new_rows: _Written) -> byte
             continue
         cells = body.split(comma)
         if owned is None:
-            bom = b"\xef\xbb\xbf" if body.startswith(b"\xef\xbb\xbf") else b""
-            owners = _owners([cell.removeprefix(bom).decode() for cell in cells], setting, source)
+            names = [cell.decode() for cell in cells]
+            owners = _owners(names, setting, source)
             owned = [(place, owner) for place, owner in enumerate(owners) if owner is not None]
-            clock = _time_column([cell.removeprefix(bom).decode() for cell in cells], setting)
+            clock = _time_column(names, setting)
             new = [_name(robot, i).encode() for i in range(robot.axes)]
-            new[0] = (bom if owners[0] == 0 else b"") + new[0]
             many = [(new, np.nan)]
         else:
             many = [(next(numbers), next(times)) for _ in range(left.pop())]

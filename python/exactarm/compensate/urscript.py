@@ -1,7 +1,8 @@
 """URScript: movej, movel, movep, movec, servoj with `[q1, ..]` (rad) or `p[x, y, z, rx, ry, rz]` (m, rotation
 vector).
 
-Targets stand in the call, or as a literal in a variable that is set once; `get_inverse_kin(pose, qnear=q)` of
+Targets stand in the call, or as a literal in a variable that is set once (a frame of `pose_trans`: also more
+than once, where the way through the program says which numbers it has); `get_inverse_kin(pose, qnear=q)` of
 such literals is the pose, on the branch of q, which stays; `pose_trans(frame, pose)` of literals is the pose
 in a frame, which stays. Poses are of the TCP that
 `set_tcp(p[..])` sets, in the controller's base; `set_payload(kg, [x, y, z])` is the load. A pose is taken on
@@ -34,6 +35,7 @@ from exactarm.compensate.program import (
     Target,
 )
 from exactarm.compensate.setting import Setting
+from exactarm.compensate.urscript_ways import blocks, frames_of, refuse_threads
 from exactarm.compensate.ways import UNCERTAIN, Step, goes_on, unread, walk
 from exactarm.robot.mdh_frames import compose
 from exactarm.robot.robot import Placement
@@ -49,16 +51,11 @@ _ASSIGNED = re.compile(
     r"(?m)^[ \t]*(?:global[ \t]+|local[ \t]+)?([A-Za-z_]\w*)[ \t]*(?:\[[^\]\r\n]*\][ \t]*)*=(?!=)[ \t]*"
 )
 _ARGUMENTS = re.compile(r"(?m)^[ \t]*(?:def|thread)[ \t]+\w+[ \t]*\(([^)]*)\)")
-_BLOCK = re.compile(
-    r"(?m)^[ \t]*(?:(?P<open>(?:if|switch)\b)|(?P<loop>(?:while|for)\b)|"
-    r"(?P<branch>(?:elif|else|case|default)\b)|(?P<close>end\b)|(?:def|thread|sec)[ \t]+(?P<routine>\w+))"
-)
 MOVED = "moves the targets that follow; expected targets as they are"
 REASONS = {"set_base": MOVED, "path_offset_enable": MOVED, "path_offset_set": MOVED,
            "track_conveyor_linear": MOVED, "track_conveyor_circular": MOVED}
 _CROWDED = re.compile(  # a block whose statements stand in the line of its head
     r"[ \t]*(?:if|elif|else|while|for|switch|case|default|def|thread|sec)\b[^\r\n]*:[ \t]*[^\s:]")
-_CALL = re.compile(r"([A-Za-z_](?<!\w.)\w*)[ \t]*\(")
 UNREAD = ("servoc", "speedj", "speedl", "optimovej", "optimovel", "force_mode", "conveyor_pulse_decode")
 _UNREAD = re.compile(rf"\b({'|'.join(UNREAD)})[ \t]*\(")
 _LITERAL = re.compile(r"(p?)\s*\[([^\[\]]*)\]")
@@ -110,7 +107,8 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     assignments = source.at_lines(_ASSIGNED, text)
     for match in assignments:
         assigned.setdefault(match[1], []).append(match.end())
-    for match in source.at_lines(_ARGUMENTS, text):  # a name of their own, whatever stands outside
+    given = source.at_lines(_ARGUMENTS, text)
+    for match in given:  # a name of their own, whatever stands outside
         for word in re.finditer(r"[A-Za-z_]\w*", match[1]):
             assigned.setdefault(word[0], []).append(match.start(1) + word.end())
     targets: list[Target] = []
@@ -120,6 +118,7 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     framed: dict[int, tuple[int, ...]] = {}  # target -> where its frames stand
     close: list[str] = []  # names of frames, and of angles that choose a branch
     tool, load = _given_tool(setting), None
+    changing = frames_of(text, assignments, given)
 
     def literal(place: int) -> _Literal | None:
         match = _LITERAL.match(text, place)
@@ -138,7 +137,7 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         """Name and numbers of a target that stands at `place`, and where it ends."""
         place = _BLANK.match(text, place).end()
         if call := _PRODUCT.match(text, place):
-            word, frame, end = argument(call.end())
+            word, frame, end = set_before(call.end()) or argument(call.end())
             close.append(word)
             if frame.is_pose and (comma := _NEAR.match(text, end)):
                 name, found, end = argument(comma.end())
@@ -160,6 +159,17 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         found = literal(places[0])
         if found is None:
             raise _Computed(places[0], word[1], "is computed; expected numbers")
+        return word[1], found, word.end(1)
+
+    def set_before(place: int) -> tuple[str, _Literal, int] | None:
+        """Name and numbers of a frame that is set more than once: those that it has at this motion."""
+        word = _NAMED.match(text, place)
+        if word is None or word[1] not in changing:
+            return None
+        found = state[word[1]]
+        if not isinstance(found, _Literal):
+            raise _Computed(place, word[1], f"a frame that is {found or 'not set before this motion'}; "
+                                            "expected one with numbers")
         return word[1], found, word.end(1)
 
     def inverse(place: int) -> tuple[str, _Literal, np.ndarray] | None:
@@ -218,9 +228,16 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
                               ("tool", placement(found.numbers))))
         else:
             steps.append(Step(match.start(), "set", ("load", _load(source, text, match))))
+    for match in assignments:
+        if match[1] in changing:
+            found = None if "[" in match[0] else literal(match.end())
+            frame = found if found is not None and found.is_pose else UNCERTAIN
+            steps.append(Step(match.start(), "set", (match[1], frame)))
+    steps += blocks(source, text)
+    refuse_threads(source, text, steps)
     spans = [match.span() for match in assignments]
     told, above = [], None
-    for match, state in walk([*steps, *_blocks(source, text)], {"tool": tool, "load": None}):
+    for match, state in walk(steps, {"tool": tool, "load": None, **changing}):
         tool, load, line = state["tool"], state["load"], source.line(match.start())
         spans.append((match.start(), _end(text, match.end())))
         if match.re is _UNREAD:
@@ -256,25 +273,6 @@ def _notation(setting: Setting) -> Notation:
         poses=lambda numbers: Poses(numbers[:, :3], from_vector(numbers[:, 3:])),
         shown=lambda tips, old: np.hstack([tips.position, to_vector(tips.rotation, old[:, 3:])]),
     )
-
-
-def _blocks(source: SourceText, text: str) -> list[Step]:
-    """Where the ways of a program part and meet, and calls; `end` closes whatever was opened last."""
-    steps, begun, names = [], [], {}
-    for match in source.at_lines(_BLOCK, text):
-        what = match.lastgroup
-        if what in ("open", "loop", "routine"):
-            begun.append(what)
-        elif what == "close" and begun and begun.pop() == "routine":
-            what = "end"
-        if what == "routine":
-            names.setdefault(match[what], set()).add(match.start(what))
-        word = match[0].split()[0].rstrip(":")
-        data = {"branch": word in ("else", "default"), "routine": match["routine"]}
-        steps.append(Step(match.start(), what, data.get(what)))
-    steps += [Step(match.start(), "call", match[1]) for match in _CALL.finditer(text)
-              if match[1] in names and match.start() not in names[match[1]]]
-    return steps
 
 
 def _end(text: str, place: int) -> int:

@@ -24,6 +24,8 @@ from exactarm.data.columns import (
     CONTACTS,
     GYRO,
     PARTNER,
+    PAYLOAD,
+    PAYLOAD_CENTRE,
     PICTURE,
     PIXEL,
     POSITION,
@@ -48,7 +50,7 @@ from exactarm.data.sensor_rows import with_sensors
 from exactarm.data.split import pose_split, run_split, split_rule
 from exactarm.errors import InputError
 from exactarm.files.memory_table import MemoryTable
-from exactarm.files.table import Table, read_table, write_table
+from exactarm.files.table import Table, column_names, read_table, write_table
 from exactarm.robot.robot import Robot
 
 _EPOCH_S = 1e8  # three years: nobody measures so long
@@ -123,8 +125,15 @@ def read_targets(paths: str | Path | Sequence[str | Path], robot: Robot,
 
 def read_named_targets(path: str | Path, robot: Robot,
                        columns: Mapping[str, str] | None = None) -> tuple[Dataset, list[str]]:
-    """`read_targets` of one file, and its column `name`; empty where it has none."""
-    file = _read_file(str(path), robot, columns, ("name",))
+    """`read_targets` of one file, and its column `name`; empty where it has none. Other columns of words are
+    left out."""
+    try:
+        file = _read_file(str(path), robot, columns, ("name",))
+    except InputError:
+        ours = renamed(column_names(path), columns or {}, str(path))
+        words = [name for name in ours if parse_column(name, str(path)).quantity == "covariate"
+                 and name not in (PAYLOAD, *PAYLOAD_CENTRE)]
+        file = _read_file(str(path), robot, columns, ("name", *words))
     _check_files([file])
     data = replace(_join([file], robot), kind=POSES.name, kinds=(POSES.name,))
     return data, file.text.get("name", [])

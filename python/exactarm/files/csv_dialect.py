@@ -7,8 +7,10 @@ either.
 
 import csv
 import io
+import re
 from dataclasses import dataclass
 
+_BEFORE_HEADER = re.compile(rb"(?:\xef\xbb\xbf)?(?:sep=.\r?\n)?")  # mark of UTF-8; Excel's line
 DELIMITERS = (",", ";", "\t")  # in this order: a header with commas is parted by them
 
 
@@ -24,6 +26,13 @@ class Dialect:
         if self.decimal == "." or ("." not in cell and "," not in cell):
             return cell
         return cell.replace(",", ".") if "." not in cell else f"{cell} (decimal commas elsewhere)"
+
+
+def header_start(content: bytes) -> int:
+    """Where the header begins: behind the mark of UTF-8, and behind the line by which Excel tells how columns
+    are parted."""
+    match = _BEFORE_HEADER.match(content)
+    return 0 if match is None else match.end()
 
 
 def split_header(line: str) -> tuple[list[str], str]:

@@ -23,7 +23,7 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from exactarm.errors import InputError
-from exactarm.files.csv_dialect import Dialect, dialect_of, split_header
+from exactarm.files.csv_dialect import Dialect, dialect_of, header_start, split_header
 from exactarm.files.examples import meant_example
 from exactarm.files.file_bytes import file_bytes
 from exactarm.files.free_memory import GIGABYTE, SHARE, free_bytes
@@ -32,7 +32,6 @@ from exactarm.files.memory_table import MemoryTable
 LARGEST_NUMBER = 1e30  # its square and the square's sum over all rows are still numbers
 _COPIES = 2.0  # of a Parquet file's numbers: Arrow's, and the table's
 _NOT_BLANK = re.compile(rb"\S")
-_BEFORE_HEADER = re.compile(rb"(?:\xef\xbb\xbf)?(?:sep=.\r?\n)?")  # mark of UTF-8; Excel's line
 _PLAIN = Dialect(",", ".")
 _NO_CSV = {b"PK\x03\x04": "an Excel workbook or another archive", b"\xd0\xcf\x11\xe0": "an Excel workbook",
            b"\xff\xfe": "text in UTF-16", b"\xfe\xff": "text in UTF-16"}  # first bytes -> what it is
@@ -155,7 +154,7 @@ def _parse_csv(body: pa.Buffer, names: list[str], types: Mapping[str, pa.DataTyp
 
 def _csv_header(path: str | Path, content: bytes) -> tuple[list[str], str, int]:
     """Names in the first line, what parts them, and where the data start."""
-    bom = len(_BEFORE_HEADER.match(content)[0])
+    bom = header_start(content)
     end = content.find(b"\n", bom)
     end = len(content) if end < 0 else end + 1
     try:
