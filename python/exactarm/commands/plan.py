@@ -13,7 +13,7 @@ import numpy as np
 
 from exactarm.chain.direction import TRANSITION_S, reversals
 from exactarm.commands.arguments import add_robot
-from exactarm.commands.call import AnyRobot, asked, robot_of, threads_of
+from exactarm.commands.call import AnyRobot, asked, command, robot_of, threads_of
 from exactarm.commands.model_trust import thinned, trust_highlights, trust_json, trust_text
 from exactarm.commands.output import PICTURES
 from exactarm.commands.result import CommandResult
@@ -62,6 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="also in the words of a controller: joint angles as it reports them")
 
 
+@command
 def plan(robot: AnyRobot, path: str | Path | PlannedPath, *, rate_hz: float | None = None,
          duration_s: float | None = None, nu: float | None = None, gear_direction: str | None = None,
          input: str | None = None, solver: str | None = None, linear_solver: str | None = None,
