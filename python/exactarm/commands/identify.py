@@ -236,7 +236,8 @@ def _figure(result: DynamicsIdentification, judge: str) -> Figure:
     return Figure(
         "torque", f"Torque of every axis ({judge})",
         partial(curves_per_axis, record.data.sample_times[rows], traces, unit="Nm", name="torque"),
-        "Measured, as the identified model has it, and the difference.", "torque of every axis over time")
+        "Measured, as the identified model has it, and the difference.", "torque of every axis over time",
+        main=int(np.argmax(np.square(left).sum(axis=0))))
 
 
 def _parameters(robot: Robot, result: DynamicsIdentification) -> Table:

@@ -223,8 +223,10 @@ def _figures(robot: Robot, plan: Plan) -> tuple[Figure, ...]:
                partial(curves_per_axis, plan.time,
                        {"motor": plan.theta_dot / robot.ratios, "link": plan.q_dot},
                                        unit="rad/s", name="rate"),
-               "What the motors do so that the links move smoothly.", "motor and link rates over time"),
+               "What the motors do so that the links move smoothly.", "motor and link rates over time",
+               main=int(np.argmax(np.abs(plan.theta_dot / robot.ratios).max(axis=0)))),
         Figure("spectrum", "Spectrum of the motor accelerations",
                partial(curves_per_axis, frequency[1:], {"acceleration": spectrum[1:]}, unit="rad/s²",
                        name="amplitude", x_name="frequency", x_unit="Hz", log_x=True, log_y=True),
-               "Single-sided amplitude of the input, output side.", "spectrum of the input per axis"))
+               "Single-sided amplitude of the input, output side.", "spectrum of the input per axis",
+               main=int(np.argmax(spectrum[1:].max(axis=0)))))
