@@ -22,6 +22,7 @@ import numpy as np
 from exactarm.effects import Effect, effect_from_table, library
 from exactarm.errors import InputError
 from exactarm.files.examples import is_table, no_such_robot
+from exactarm.files.file_bytes import path_of
 from exactarm.files.toml_file import fits_shape, is_number, read_toml
 from exactarm.robot.covariance import ParameterCovariance
 from exactarm.robot.keys import (
@@ -73,7 +74,7 @@ def _shipped(name: str) -> Robot:
 
 def load_robot(name_or_path: str | Path) -> Robot:
     """The robot of that shipped name, or of that `.toml` or `.urdf` file."""
-    text, path = str(name_or_path), Path(name_or_path)
+    text, path = str(name_or_path), path_of(name_or_path, "a robot, its file or the name of a shipped one")
     if text in shipped_robots():
         return _shipped(text)
     if text.partition("#")[0].lower().endswith(".urdf"):
@@ -100,8 +101,7 @@ def robot_of(robot: AnyRobot) -> Robot:
 
 def read_robot(path: str | Path) -> Robot:
     """The robot of a `.toml` file."""
-    tables = read_toml(path, "a robot file (.toml or .urdf)")
-    return replace(_Reader(path).robot(tables), file=str(path))
+    return replace(_Reader(path).robot(read_toml(path, "a robot file (.toml or .urdf)")), file=str(path))
 
 
 class _Reader:

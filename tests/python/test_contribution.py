@@ -166,7 +166,7 @@ def test_a_torque_has_the_size_at_the_tool_that_it_has_through_a_declared_spring
     flange from the axis."""
     robot = ea.load_robot("racer-7-1.4")
     # any seed: 3 Nm stand far above the noise (4 to 6 tried)
-    made = ea.simulate(robot, measure="motion", runs=3, seconds=4.0, seed=4, rate=200.0, effects=[
+    made = ea.simulate(robot, measure="motion", runs=3, seconds=4.0, seed=4, rate_hz=200.0, effects=[
         "asymmetric_friction joint=3 coulomb_Nm=3 viscous_Nm_s=0"])
     found = diagnose(robot, made.data)
     (own,) = [c for c in found.contributions if c.effect.name == "asymmetric_friction"]

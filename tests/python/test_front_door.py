@@ -130,16 +130,19 @@ def test_plots_take_axes_and_give_axes(result):
     axes = Figure().subplots()
     assert result.plot(axes, "error_histogram") is axes and axes.has_data()
     assert len(result.plot(what="parameters")) > 1
-    with pytest.raises(ea.InputError, match="of one panel"):
-        result.plot(axes, "parameters")
+    axes = Figure().subplots()  # of several panels one
+    assert result.plot(axes, "parameters") is axes and axes.has_data() and axes.get_xlabel() == "change [mm]"
+    with pytest.raises(ea.InputError, match="no figure 'parameter'; expected one of .*, parameters"):
+        result.plot(axes, "parameter")
 
 
 @pytest.mark.parametrize("make", [
     lambda: ea.plan("racer-7-1.4", "line", rate_hz=100),
     lambda: ea.identifiable("ur10", SERIES),
     lambda: ea.gear("kr300", [ea.example("kr300/run_A"), ea.example("kr300/run_B")]),
+    lambda: ea.identify("tx40", ea.example("tx40/motion"), friction_only=True),  # it has none of one panel
 ])
-def test_a_figure_of_one_panel_is_drawn_on_axes_that_exist(make):
+def test_a_figure_is_drawn_on_axes_that_exist(make):
     made = make()
     axes = Figure().subplots()
     assert made.plot(axes) is axes and axes.has_data() and axes.get_xlabel()

@@ -87,3 +87,113 @@ def test_a_followed_path_in_memory_is_one_table():
     time = {"time_s": 0.01 * np.arange(ROWS)}
     path = _followed(pd.DataFrame(time | COLUMNS), arm)
     assert len(path) == 1 and len(path[0]) == ROWS
+
+
+@pytest.fixture(scope="module")
+def measured():
+    """Poses of a virtual arm: joint angles and measured positions, with names and without."""
+    table = ea.simulate("ur10", count=30, noise=1e-5, counts=0, visits=1, frames="declared").to_dataframe()
+    keep = [f"q_{i}_rad" for i in range(1, 7)]
+    return table[[*keep, "x_m", "y_m", "z_m"]], table[keep].assign(name=[f"p{i}" for i in range(len(table))])
+
+
+def points_of(measured):
+    poses, named = measured
+    return pd.DataFrame({"name": named.name} | {f"{axis} [mm]": 1e3 * poses[f"{axis}_m"] for axis in "xyz"})
+
+
+TABLES = {  # (function of tables, the tables), and the call as it is told
+    "simulate('ur10', table_1, measure='poses'": (
+        lambda q: ea.simulate("ur10", q, measure="poses"), lambda m: [m[1].drop(columns="name")]),
+    "identifiable('ur10', table_1": (lambda poses: ea.identifiable("ur10", poses), lambda m: [m[0]]),
+    "identifiable('ur10', [table_1, table_2]": (
+        lambda one, two: ea.identifiable("ur10", [one, two]), lambda m: [m[0][:15], m[0][15:]]),
+    "evaluate('ur10', table_1, sessions=table_sessions, at=table_at": (
+        lambda poses, sessions, at: ea.evaluate("ur10", poses, sessions=sessions, at=at),
+        lambda m: [m[0], pd.DataFrame({"session": [1], "payload_kg": [2.0]}), m[0][:5]]),
+    "merge('ur10', table_joints, table_points": (
+        lambda joints, points: ea.merge("ur10", joints, points), lambda m: [m[1], points_of(m)]),
+}
+
+
+@pytest.mark.parametrize("told", TABLES)
+def test_a_command_gives_what_it_gives_with_files(told, measured, tmp_path):
+    call, tables = TABLES[told][0], TABLES[told][1](measured)
+    paths = [tmp_path / f"table{i}.csv" for i in range(len(tables))]
+    for path, table in zip(paths, tables):
+        table.to_csv(path, index=False)
+    one, other = call(*tables), call(*paths)
+    assert one.asked.line == f"exactarm.{told}, seed={DEFAULT_SEED})"
+    assert dict(one) == dict(other)
+    for name in one.tables:
+        mine, files = (result.to_dataframe(name) for result in (one, other))
+        pd.testing.assert_frame_equal(mine.drop(columns="file", errors="ignore"),
+                                      files.drop(columns="file", errors="ignore"), check_exact=True)
+    one.save(tmp_path / "out")
+    assert "in memory" in (tmp_path / "out/result.json").read_text()
+
+
+def test_targets_are_corrected_and_come_back_as_a_table(measured, tmp_path):
+    arm = ea.load_robot("ur10").with_controller_frames.with_joint(1, a=-0.63)
+    frames, targets = measured[0], measured[1].assign(speed=np.arange(30))
+    targets.to_csv(tmp_path / "targets.csv", index=False)
+    frames.to_csv(tmp_path / "frames.csv", index=False)
+    one = ea.compensate(arm, targets, frames=frames, keep_refused=True)
+    other = ea.compensate(arm, tmp_path / "targets.csv", frames=tmp_path / "frames.csv", keep_refused=True)
+    assert one.asked.line.endswith(f"(robot, table_1, frames=table_frames, keep_refused=True, "
+                                   f"seed={DEFAULT_SEED})")
+    written = one.to_dataframe("table_1")
+    other.save(tmp_path / "out")
+    pd.testing.assert_frame_equal(written, pd.read_csv(tmp_path / "out/targets.csv"), rtol=1e-15)
+    assert (written[[f"q_{i}_rad" for i in range(1, 7)]] != targets[[f"q_{i}_rad" for i in range(1, 7)]]).any(
+        axis=None)
+    one.save(tmp_path / "memory")
+    pd.testing.assert_frame_equal(pd.read_parquet(tmp_path / "memory/table_1.parquet"), written)
+    assert one["correction"] == other["correction"] and one["correction"]["n"] > 20
+
+
+def test_rows_in_between_of_a_series_are_put_into_a_table():
+    time = np.linspace(0.0, 1.0, 5)
+    series = {"time_s": time} | {f"q_{i}_rad": 0.3 * i * time for i in range(1, 7)}
+    arm = ea.load_robot("ur10").with_controller_frames.with_joint(1, a=-0.63)
+    one = ea.compensate(arm, series, tolerance_mm=0.001, keep_refused=True).to_dataframe("table_1")
+    assert len(one) > 5 and one.time_s.is_monotonic_increasing and set(time) <= set(one.time_s)
+
+
+def test_a_certificate_names_the_path_in_memory():
+    with pytest.raises(InputError, match="table path_1 in memory: no data rows"):
+        ea.certify("ur10", "ur10/series_B", path=pd.DataFrame(COLUMNS).head(0))
+
+
+def test_a_manifest_in_memory_is_run(tmp_path):
+    jobs = {"name": ["a", "b"], "command": ["identifiable"] * 2, "robot": ["ur10"] * 2, "count": [20, 30]}
+    pd.DataFrame(jobs).to_csv(tmp_path / "jobs.csv", index=False)
+    made = ea.batch(pd.DataFrame(jobs), tmp_path / "memory")
+    assert made["done"] == 2 and made.asked.line.startswith("exactarm.batch(table_manifest, ")
+    assert ea.batch(tmp_path / "jobs.csv", tmp_path / "memory")["kept"] == 2
+    with pytest.raises(InputError, match="table manifest in memory, row 1, column command: 'calibrte'"):
+        ea.batch({"command": ["calibrte"], "robot": ["ur10"]}, tmp_path / "wrong")
+    with pytest.raises(InputError, match="manifest with int; expected a file, a table, or a mapping a row"):
+        ea.batch([1], tmp_path / "wrong")
+
+
+NO_TABLE = {
+    "a path file": lambda table: ea.plan("ur10", table),
+    "path files, line or spiral": lambda table: ea.study("racer-7-1.4", table),
+    "a draft with entries": lambda table: ea.accept(table),
+    "a robot, its file": lambda table: ea.calibrate(table, "ur10/series_B"),
+    "a fixture or its file": lambda table: ea.identifiable("ur10", fixture=table),
+    "result.json of `exactarm diagnose`": lambda table: ea.design("ur10", diagnosis=table),
+    "a robot, its file or": lambda table: ea.compensate("ur10", COLUMNS, nominal=table),
+    "what a certificate says of arm": lambda table: ea.certify("ur10", "ur10/series_B", about=table),
+    "a path file (.toml)": lambda table: ea.simulate("racer-7-1.4", compare=table),
+    "a URDF or xacro": lambda table: ea.export("ur10", source=table, format="urdf"),
+}
+
+
+@pytest.mark.parametrize("expected", NO_TABLE)
+def test_where_no_table_is_meant_one_is_refused_in_a_line(expected):
+    with pytest.raises(InputError) as refused:
+        NO_TABLE[expected](pd.DataFrame(COLUMNS))
+    said = str(refused.value)
+    assert "DataFrame" in said and f"; expected {expected}" in said and "\n" not in said

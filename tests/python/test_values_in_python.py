@@ -104,7 +104,7 @@ def test_corrected_programs_are_a_value(tmp_path):
 
 
 REFUSED = {
-    "data given as DataFrame; expected files":
+    "table 1 in memory, column q_2_rad: column missing":
         lambda data: ea.identifiable("ur10", pd.DataFrame({"q_1_rad": [0.0]})),
     "data given as int; expected files": lambda data: ea.calibrate("ur10", [1, 2]),
     "data given as Dataset; expected files": lambda data: ea.identifiable("ur10", data),

@@ -3,6 +3,7 @@
 import argparse
 import os
 from collections.abc import Collection, Mapping
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -80,6 +81,20 @@ def require_bounded(values: Mapping[str, Any]) -> None:
                                  "hexadecimal digits; expected at most 64 bits")
 
 
+def require_common(options: Mapping[str, Any]) -> None:
+    """`seed` and `threads` of a call in Python, as the command line takes their words; threads None: all."""
+    require_bounded(options)
+    for name, check in (("seed", _whole_number), ("threads", _positive)):
+        if name not in options or (name == "threads" and options[name] is None):
+            continue
+        try:
+            if not isinstance(options[name], Integral):
+                raise argparse.ArgumentTypeError(f"{options[name]!r}, expected a whole number")
+            check(options[name])
+        except argparse.ArgumentTypeError as error:
+            raise InputError(f"argument {name}: {error}") from None
+
+
 def available_cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
@@ -92,7 +107,7 @@ def _folder(text: str) -> Path:
     return Path(text)
 
 
-def _whole_number(text: str) -> int:
+def _whole_number(text: str | Integral) -> int:
     value = int(text)
     if value < 0:
         raise argparse.ArgumentTypeError(f"{text} is negative, expected 0 or more")
@@ -102,7 +117,7 @@ def _whole_number(text: str) -> int:
 _whole_number.__name__ = "whole number"
 
 
-def _positive(text: str) -> int:
+def _positive(text: str | Integral) -> int:
     value = int(text)
     if value < 1:
         raise argparse.ArgumentTypeError(f"{text}, expected 1 or more")

@@ -23,9 +23,10 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import exactarm
+from exactarm.commands.call import AnyTable, command, listed, path_word
 from exactarm.commands.execute import execute, parse, parser_of
 from exactarm.commands.failure import explain
 from exactarm.commands.listing import find_commands, import_command
@@ -39,6 +40,7 @@ from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
 from exactarm.files.examples import file_or_example
 from exactarm.files.file_bytes import file_bytes
+from exactarm.files.memory_table import MemoryTable, is_memory_table
 from exactarm.files.table import parquet_table
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Highlight, Highlights, Link, Quantity, Report, Table
@@ -54,7 +56,7 @@ _NOT_IN_BATCH = ("batch", "demo")
 _GIVEN = ("out", "threads", "quiet", "debug", "help")  # options that the batch gives to every job itself
 _OWN_FILES = ("result.json", "report.html", SUMMARY)
 _LONGEST_NAME = 100  # characters of a job's folder: every file system takes it
-AnyManifest = str | Path | Sequence[Mapping[str, Any]]
+AnyManifest: TypeAlias = "AnyTable | Sequence[Mapping[str, Any]]"
 
 
 @dataclass(frozen=True)
@@ -93,16 +95,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="compute all jobs, those whose inputs have not changed too")
 
 
+@command
 def batch(manifest: AnyManifest, folder: str | Path, *, executor: Executor | None = None, again: bool = False,
           seed: int = DEFAULT_SEED, threads: int = 1, progress: Progress = SILENT) -> CommandResult:
-    """Runs all jobs of a manifest (a file, or rows as mappings), writes their results and the overview into
-    `folder`.
+    """Runs all jobs of a manifest (a file, a table, or rows as mappings), writes their results and the
+    overview into `folder`.
 
     executor: any of concurrent.futures (processes, Dask's `client.get_executor()`); None: one after the
     other. threads: of each job. A job whose inputs have not changed is kept, unless `again`.
     """
     started = time.perf_counter()
     read = [manifest] if isinstance(manifest, (str, Path)) else []
+    manifest = MemoryTable.of(manifest, "manifest") if is_memory_table(manifest) else manifest
     with OutputFolder(Path(folder), [*ALWAYS, *WRITES], read) as place:
         result = _fleet(manifest, Path(folder), executor, again, seed, threads, progress)
         publish(result, place, started, progress)
@@ -141,7 +145,7 @@ def _fleet(manifest: AnyManifest, folder: Path, executor: Executor | None, again
                 future.result() if error is None else _failed(job, f"the worker ended: {error}"))
             progress.step(note=job.name)
     ended = [outcomes[job.name] for job in jobs]
-    read = sources([manifest]) if isinstance(manifest, (str, Path)) else ()
+    read = sources([manifest]) if isinstance(manifest, (str, Path, MemoryTable)) else ()
     failed = sum(outcome.state == "failed" for outcome in ended)
     return CommandResult(
         json={"jobs": [vars(outcome) for outcome in ended]}
@@ -150,7 +154,7 @@ def _fleet(manifest: AnyManifest, folder: Path, executor: Executor | None, again
         tables={SUMMARY: {name: [getattr(o, name) for o in ended]
                                     for name in Outcome.__dataclass_fields__}},
         exit_code=1 if failed else 0,
-        asked=Asked("batch", f"exactarm.batch({str(manifest)!r}, {str(folder)!r}, seed={seed})"
+        asked=Asked("batch", f"exactarm.batch({path_word(manifest)}, {str(folder)!r}, seed={seed})"
                     if read else "exactarm.batch(...)", None, read, seed))
 
 
@@ -211,17 +215,23 @@ def _require_options(rows: Sequence[Mapping[str, Any]], commands: set[str], file
 
 
 def _rows(manifest: AnyManifest) -> tuple[list[Mapping[str, Any]], Path, Any]:
-    if not isinstance(manifest, (str, Path)):
-        return list(manifest), Path(), None
-    path = Path(manifest)
+    if not isinstance(manifest, (str, Path, MemoryTable)):
+        given: list[Any] = listed(manifest)
+        if wrong := [row for row in given if not isinstance(row, Mapping)]:
+            raise InputError(f"manifest with {type(wrong[0]).__name__}; expected a file, a table, or a "
+                             "mapping a row")
+        return given, Path(), None
+    path, names, rows = Path(str(manifest)), list[str](), list[Mapping[str, Any]]()
     try:
-        if path.suffix == ".parquet":
+        if isinstance(manifest, MemoryTable):
+            names, rows = manifest.names, [dict(zip(manifest.names, row)) for row in manifest.texts]
+        elif path.suffix == ".parquet":
             table = parquet_table(path, file_bytes(path))
             names, rows = table.column_names, table.to_pylist()
         else:
             text = io.StringIO(file_bytes(path).decode("utf-8-sig"), newline="")
             reader = csv.DictReader(text, restkey=TOO_MANY, strict=True)
-            names, rows = reader.fieldnames or [], list(reader)
+            names, rows = list(reader.fieldnames or []), list(reader)
     except InputError:
         raise
     except (OSError, UnicodeDecodeError, csv.Error, ValueError) as error:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Collection, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -15,10 +14,13 @@ from exactarm.commands.call import (
     AnyData,
     AnyFixture,
     AnyRobot,
+    AnyTable,
     asked,
+    command,
     data_of,
     require_choice,
     robot_of,
+    table_option,
     threads_of,
 )
 from exactarm.commands.error_sections import error_figures, error_table, geometry_tables, highlights, unit_of
@@ -66,10 +68,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="Huber's loss: gross errors weigh less (default: where some rows are far off)")
 
 
+@command
 def calibrate(robot: AnyRobot, data: AnyData, *, use: Literal["auto", "position", "pose"] = "auto",
               compliance: Sequence[int] | str | None = None, robust: bool | None = None,
               seed: int = DEFAULT_SEED, threads: int | None = None, kind: str | None = None,
-              fixture: AnyFixture = None, sessions: str | Path | None = None,
+              fixture: AnyFixture = None, sessions: AnyTable | None = None,
               progress: Progress = SILENT) -> CommandResult:
     """Identifies geometry, joint offsets, gear ratios and joint springs from measured poses or closures.
 
@@ -84,6 +87,7 @@ def calibrate(robot: AnyRobot, data: AnyData, *, use: Literal["auto", "position"
     """
     require_choice("use", use, ("auto", "position", "pose"))
     compliance = _axes(compliance) if isinstance(compliance, str) else compliance
+    sessions = table_option(sessions, "sessions")
     given = {"use": use, "compliance": compliance, "robust": robust, "sessions": sessions}
     declared = robot_of(robot)
     progress.plan(STEPS["calibrate"])

@@ -8,19 +8,21 @@ Every command is one function here and on the command line: `exactarm.calibrate(
 from __future__ import annotations
 
 import argparse
-import difflib
+import inspect
 import os
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
+from functools import wraps
 from numbers import Number
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, TypeAlias
+from typing import TYPE_CHECKING, Any, NoReturn, ParamSpec, TypeAlias, TypeVar, cast
 
 import numpy as np
 
-from exactarm.commands.arguments import available_cores, require_bounded
+from exactarm.commands.arguments import available_cores, require_bounded, require_common
 from exactarm.commands.outcome import Asked
 from exactarm.commands.plain import sha256
+from exactarm.commands.publish import sources
 from exactarm.data.columns import PAYLOAD
 from exactarm.data.dataset import Dataset, read_dataset
 from exactarm.data.fixture import Fixture, load_fixture
@@ -28,7 +30,7 @@ from exactarm.data.rows import Source
 from exactarm.data.session_table import with_sessions
 from exactarm.errors import InputError
 from exactarm.files.examples import file_or_example
-from exactarm.files.memory_table import MemoryTable, is_memory_table, variable_of
+from exactarm.files.memory_table import AnyFile, MemoryTable, is_memory_table, variable_of
 from exactarm.robot.robot import Robot
 from exactarm.robot_file import AnyRobot as AnyRobot
 from exactarm.robot_file import load_robot, shipped_robots
@@ -36,22 +38,25 @@ from exactarm.robot_file import robot_of as robot_of
 
 if TYPE_CHECKING:
     import pandas
-AnyTable: TypeAlias = "str | Path | Mapping[str, Any] | pandas.DataFrame"
+P = ParamSpec("P")
+R = TypeVar("R")
+AnyTable: TypeAlias = "AnyFile | Mapping[str, Any] | pandas.DataFrame"
 AnyData: TypeAlias = "Dataset | AnyTable | Sequence[AnyTable]"
 AnyFixture = Fixture | str | Path | None
-# names that say their unit, as the functions have them whose options are named one by one
-WITH_UNIT = {"rate_hz": "rate", "tool_m": "tool", "clearance_m": "clearance"}
+# names of options in Python that say their unit or are of several -> those of the command line
+IN_PYTHON = {"rate_hz": "rate", "tool_m": "tool", "clearance_m": "clearance", "effects": "effect"}
+_COMMON = ("seed", "threads", "progress")
 
 
 def data_of(data: AnyData, robot: Robot, kind: str | None = None, fixture: AnyFixture = None,
-            sessions: str | Path | None = None, columns: Mapping[str, str] | None = None, *,
+            sessions: AnyFile | None = None, columns: Mapping[str, str] | None = None, *,
             weighs: Collection[str] = ()) -> Dataset:
     """Data as they are, or those of the files; with what is known of their fixture and of whole sessions.
     columns: the files' names -> ours; weighs: the kinds whose unknown payloads the command
     estimates."""
-    known = load_fixture(fixture, load_robot) if isinstance(fixture, (str, Path)) else fixture
+    known = fixture_of(fixture)
     if not isinstance(data, Dataset):
-        files = _tables_of(data)
+        files = tables_of(data, "files, tables, or what exactarm.read returns")
         data = read_dataset(files, robot, kind, known or Fixture(), columns)
     elif known is not None:
         data = replace(data, fixture=known)
@@ -64,18 +69,41 @@ def data_of(data: AnyData, robot: Robot, kind: str | None = None, fixture: AnyFi
     return data
 
 
-def _tables_of(data: Any) -> list[Path | MemoryTable]:
+def fixture_of(fixture: AnyFixture) -> Fixture | None:
+    """As it is, or of its file."""
+    if fixture is None or isinstance(fixture, Fixture):
+        return fixture
+    (file,) = files_of([fixture], "a fixture or its file")
+    return load_fixture(file, load_robot)
+
+
+def tables_of(data: Any, expected: str = "files or tables") -> list[Path | MemoryTable]:
     """Files and tables in memory, each named by its place in what was given."""
-    one = isinstance(data, str) or is_memory_table(data) or not hasattr(data, "__iter__")
-    expected = "files, tables, or what exactarm.read returns"
-    return [MemoryTable.of(each, i) if is_memory_table(each) else file_or_example(*files_of([each], expected))
-            for i, each in enumerate([data] if one else data, start=1)]
+    return [table_of(each, i, expected) for i, each in enumerate(listed(data), start=1)]
+
+
+def listed(data: Any) -> list[Any]:
+    """One or several, as a list."""
+    one = isinstance(data, (str, Dataset, MemoryTable)) or is_memory_table(data)
+    return [data] if one or not hasattr(data, "__iter__") else list(data)
+
+
+def table_of(data: Any, which: int | str, expected: str = "a file or a table") -> Path | MemoryTable:
+    """One of them; `which` names it: its place, or its argument."""
+    if isinstance(data, MemoryTable):
+        return data
+    return (MemoryTable.of(data, which) if is_memory_table(data)
+            else file_or_example(*files_of([data], expected)))
+
+
+def table_option(data: AnyTable | None, name: str) -> AnyFile | None:
+    """The option `name`: a path as it is, a table in memory as one."""
+    return MemoryTable.of(data, name) if is_memory_table(data) else cast("AnyFile | None", data)
 
 
 def files_of(data: Any, expected: str = "files") -> list[str | Path]:
-    """Paths of one or more files. A table of pandas would iterate over the names of its columns."""
-    several = hasattr(data, "__iter__") and not isinstance(data, str) and not hasattr(data, "columns")
-    files = list(data) if several else [data]
+    """Paths of one or more files."""
+    files = listed(data)
     for file in files:
         if not isinstance(file, (str, Path)):
             raise InputError(f"data given as {type(file).__name__}; expected {expected}")
@@ -93,44 +121,60 @@ def threads_of(threads: int | None) -> int:
     return available_cores() if threads is None else threads
 
 
-def asked(command: str, robot: AnyRobot, data: AnyData | None, seed: int, options: Mapping[str, Any],
-          defaults: Mapping[str, Any] | None = None) -> Asked:
-    """The call as it would be written, and what it read. Options that are as their default are left out."""
+def command(function: Callable[P, R]) -> Callable[P, R]:
+    """The function of a command: `seed` and `threads` are refused as the command line refuses them, before it
+    works."""
+    @wraps(function)
+    def checked(*given: P.args, **options: P.kwargs) -> R:
+        require_common(options)
+        return function(*given, **options)
+
+    return checked
+
+
+def asked(command: str, robot: AnyRobot, data: Dataset | Sequence[AnyFile] | None, seed: int,
+          options: Mapping[str, Any], defaults: Mapping[str, Any] | None = None) -> Asked:
+    """The call as it would be written, and what it read: of `data`, or of tables and other files. Options
+    that are as their default are left out."""
     name = str(robot) if not isinstance(robot, Robot) else robot.name
-    files = data.sources if isinstance(data, Dataset) else ()
+    files = data.sources if isinstance(data, Dataset) else sources(data or ())
     read = tuple(files)
     if not isinstance(robot, Robot) and os.path.isfile(robot):
         read = (Source(str(robot), sha256(robot)), *read)
-    words = [_word(source.path) for source in files] or ([] if data is None else ["data"])
-    given = [] if data is None else [words[0] if len(words) == 1 else f"[{', '.join(words)}]"]
+    words = [path_word(source.path) for source in files] or (["data"] if isinstance(data, Dataset) else [])
+    given = [words[0] if len(words) == 1 else f"[{', '.join(words)}]"] if words else []
     changed = {key: value for key, value in options.items() if repr(value) != repr((defaults or {}).get(key))}
     keys = [f"{key}={value!r}" for key, value in (*changed.items(), ("seed", seed))]
-    call = ", ".join([_word(robot) if not isinstance(robot, Robot) else "robot", *given, *keys])
+    call = ", ".join([path_word(robot) if not isinstance(robot, Robot) else "robot", *given, *keys])
     return Asked(command, f"exactarm.{command}({call})", name, read, seed)
 
 
+def changed_options(function: Callable[..., Any], arguments: Mapping[str, Any]) -> dict[str, Any]:
+    """Of the `arguments` of a command's function (its `locals()`), the options of its own that are not as
+    their default."""
+    known = inspect.signature(function).parameters
+    return {name: value for name, value in arguments.items()
+            if known[name].kind is known[name].KEYWORD_ONLY and name not in _COMMON
+            and repr(value) != repr(known[name].default)}
+
+
 def arguments_of(add_arguments: Callable[[argparse.ArgumentParser], None], robot: AnyRobot,
-                 files: Sequence[Any],
-                 options: Mapping[str, Any], apart: Sequence[str] = ()) -> argparse.Namespace:
-    """The arguments of a command that has many options, with their defaults; `apart`: those that its function
-    names. Values are read as the command line would read them: a number, a text, or several of them."""
+                 files: Sequence[Any], options: Mapping[str, Any]) -> argparse.Namespace:
+    """The arguments of a command that has many options: those that were changed, and the defaults of the
+    others. Values are read as the command line would read them: a number, a text, or several of them."""
     parser = _Options(add_help=False)
     add_arguments(parser)
-    free = {action.dest: action for action in parser._actions
-            if action.option_strings and action.dest not in apart}
-    words, objects = [], {}
+    actions = {action.dest: action for action in parser._actions}
+    words: list[str] = []
+    objects: dict[str, Any] = {"files": files} if "files" in actions else {}
     for given, value in options.items():
-        name = WITH_UNIT.get(given, given)
-        if name not in free:
-            close = difflib.get_close_matches(given, free, n=1)
-            raise InputError(f"no option {given!r}; expected "
-                             f"{close[0] if close else 'one of ' + ', '.join(sorted(free))}")
+        name = IN_PYTHON.get(given, given)
         if value is None or not isinstance(value, (str, Path, Number, np.generic, np.ndarray, Sequence)):
-            objects[name] = value  # what a command line cannot hold: a fixture, a table of names
+            objects[name] = value  # what a command line cannot hold: a fixture, a table
             continue
-        if (choices := free[name].choices) is not None:
+        if (choices := actions[name].choices) is not None:
             require_choice(name, value, tuple(choices))
-        words += _words(free[name], value)
+        words += _words(actions[name], value)
     require_bounded(options)
     known = vars(parser.parse_args(["robot", *map(str, files), *words]))
     return argparse.Namespace(**(known | objects | {"robot": robot}))
@@ -162,7 +206,8 @@ def _word_of(value: Any) -> str:
     return str(value)
 
 
-def _word(path: Any) -> str:
+def path_word(path: Any) -> str:
+    """As a call has it."""
     return variable_of(str(path)) or repr(str(path))
 
 

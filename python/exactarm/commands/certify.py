@@ -5,16 +5,26 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
 from exactarm.commands.about import KEYS, about_of, add_about
 from exactarm.commands.arguments import add_files, add_robot
 from exactarm.commands.calibrate import require_poses
-from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, threads_of
+from exactarm.commands.call import (
+    AnyData,
+    AnyRobot,
+    asked,
+    command,
+    data_of,
+    listed,
+    robot_of,
+    table_option,
+    threads_of,
+)
 from exactarm.commands.certify_report import Certified, certificate, results_of
 from exactarm.commands.memory import within_memory
 from exactarm.commands.output import PICTURES
@@ -26,7 +36,7 @@ from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import TRACKED_MOTION
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
-from exactarm.files.memory_table import is_memory_table
+from exactarm.files.memory_table import MemoryTable
 from exactarm.identify.statistics import summarise
 from exactarm.progress import SILENT, Progress
 from exactarm.robot.controller_frames import in_base
@@ -54,6 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_about(parser)
 
 
+@command
 def certify(robot: AnyRobot, data: AnyData, *, before: AnyRobot | None = None, path: AnyData = (),
             about: str | Path | Mapping[str, Any] | None = None, seed: int = DEFAULT_SEED,
             threads: int | None = None, kind: str | None = None, progress: Progress = SILENT,
@@ -82,15 +93,18 @@ def certify(robot: AnyRobot, data: AnyData, *, before: AnyRobot | None = None, p
     if earlier.axes != arm.axes:
         raise InputError(
             f"--before: {earlier.axes} axes, the robot has {arm.axes}; expected a model of the same arm")
-    followed = _followed(path, arm)
+    paths: list[Any] = [table_option(each, f"path_{i}") for i, each in enumerate(listed(path), start=1)]
+    followed = _followed(paths, arm)
     progress.stage(CHECKING)
     within_memory("evaluate", rows.kind, rows)
     with suspicions(arm, rows, *followed) as found:
         progress.stage(JUDGING)
         certified = _certify(arm, earlier, rows, followed, told, seed, threads_of(threads))
     read = (about, before, *(source.path for each in followed for source in each.sources))
-    inputs = [file for file in read if isinstance(file, (str, Path)) and os.path.isfile(file)]
-    options = {"before": before, "path": path or None, "about": about, **details}
+    inputs: list[Any] = [file for file in read if isinstance(file, (str, Path)) and os.path.isfile(file)]
+    inputs += [each for each in paths if isinstance(each, MemoryTable)]
+    shown = paths[0] if len(paths) == 1 else paths or None
+    options = {"before": before, "path": shown, "about": about, **details}
     json = results_of(certified)
     json["robot_sha256"] = sha256(robot) if isinstance(robot, (str, Path)) and os.path.isfile(robot) else None
     return CommandResult(
@@ -108,9 +122,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
 
 def _followed(path: AnyData, arm: Robot) -> tuple[Dataset, ...]:
     """Tracked motions, file by file: a file without a column `session` was measured in the poses' set-up."""
-    files: list[AnyData] = ([path] if isinstance(path, (str, Path, Dataset)) or is_memory_table(path)
-                            else list(cast(Sequence[AnyData], path)))
-    return tuple(data_of(file, arm, TRACKED_MOTION.name) for file in files)
+    return tuple(data_of(file, arm, TRACKED_MOTION.name) for file in listed(path))
 
 
 def _certify(arm: Robot, earlier: Robot, data: Dataset, followed: tuple[Dataset, ...], told: dict[str, Any],

@@ -199,7 +199,7 @@ def certificate(c: Certified) -> Report:
             partial(error_over_workspace, c.points, c.before.error, c.after.error),
             f"{c.rows.word.capitalize()} positions of the target in the robot's base frame, coloured by "
             "their error; one scale for before and after, the largest errors on top.",
-            "position errors before and after, seen from above and from the side"),
+            "position errors before and after, seen from above and from the side", main=1),
         *([_distances(c.iso.distances)] if c.iso.distances else []))
     return Report(f"Certificate of {c.robot.name}", verdict, sections, tone)
 

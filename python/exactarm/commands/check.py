@@ -13,7 +13,7 @@ import numpy as np
 
 from exactarm.commands.arguments import add_map, add_robot
 from exactarm.commands.calibrate import require_poses
-from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of
+from exactarm.commands.call import AnyData, AnyRobot, asked, command, data_of, listed, robot_of
 from exactarm.commands.error_sections import unit_of
 from exactarm.commands.next_steps import after_check
 from exactarm.commands.output import PICTURES
@@ -62,6 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_map(parser, "columns")
 
 
+@command
 def check(robot: AnyRobot, before: AnyData, new: AnyData | Sequence[Any], *,
           days_per_year: float = DAYS_A_YEAR, columns: Mapping[str, str] | None = None,
           seed: int = DEFAULT_SEED, progress: Progress = SILENT) -> CommandResult:
@@ -80,7 +81,7 @@ def check(robot: AnyRobot, before: AnyData, new: AnyData | Sequence[Any], *,
     arm = robot_of(robot)
     poses = lambda each: require_poses(data_of(each, arm, POSES.name, columns=columns))
     reference = poses(before)
-    files = [new] if isinstance(new, (str, Path, Dataset)) or is_memory_table(new) else list(new)
+    files = listed(new)
     if not files:
         raise InputError("no data of later days; expected at least one file", file=reference.first_file)
     days = [(_label(each, i), poses(each)) for i, each in enumerate(files, start=1)]

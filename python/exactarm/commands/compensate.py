@@ -4,20 +4,31 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from glob import escape
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from exactarm.commands.arguments import add_files, add_map, add_robot
-from exactarm.commands.call import AnyRobot, arguments_of, asked, robot_of, threads_of
+from exactarm.commands.call import (
+    AnyRobot,
+    AnyTable,
+    arguments_of,
+    asked,
+    changed_options,
+    command,
+    robot_of,
+    table_option,
+    tables_of,
+    threads_of,
+)
 from exactarm.commands.compensate_report import compensation_table, report_of, summary_of
 from exactarm.commands.model_trust import trust_json
 from exactarm.commands.output import PICTURES
-from exactarm.commands.publish import sources
+from exactarm.commands.planning_arguments import Numbers
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import CORRECTING, FRAMES, STEPS, TRUSTED
 from exactarm.compensate import target_table
@@ -30,6 +41,7 @@ from exactarm.compensate.setting import Setting, chosen_points, read_frames, rea
 from exactarm.data.columns import MOST, PAYLOAD
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
+from exactarm.files.memory_table import MemoryTable
 from exactarm.first_aid.load_mistakes import FAR_M
 from exactarm.identify.pose_uncertainty import model_uncertainty
 from exactarm.progress import SILENT, Progress
@@ -97,24 +109,38 @@ def _tolerance(text: str) -> float:
 _tolerance.__name__ = "number of mm"
 
 
-def compensate(robot: AnyRobot, files: str | Path | Sequence[str | Path], *, seed: int = DEFAULT_SEED,
-               threads: int | None = None, progress: Progress = SILENT, **options: Any) -> CommandResult:
+@command
+def compensate(robot: AnyRobot, files: AnyTable | Sequence[AnyTable], *, frames: AnyTable = "nominal",
+               points: str | None = None, tool: str | Sequence[str] | Numbers = (),
+               base: str | Sequence[str] | Numbers = (), payload: Numbers | None = None,
+               start: Numbers | None = None, nominal: str | Path | None = None,
+               frame: Literal["base", "device"] = "base", session: int | None = None,
+               tolerance_mm: float | None = None, keep_refused: bool = False,
+               columns: Mapping[str, str] | None = None, seed: int = DEFAULT_SEED,
+               threads: int | None = None, progress: Progress = SILENT) -> CommandResult:
     """Robot programs, or tables of targets, with numbers that make the calibrated arm go where they say.
 
-    `result.save(folder)` writes the programs under their names. options: those of `exactarm compensate
-    --help` with their names (frames="identified", points="calculated", keep_refused=True, ...).
+    `result.save(folder)` writes the programs under their names, and a table in memory as table_1.parquet:
+    `result.to_dataframe("table_1")`. frames: what stands for the controller's base and flange: "nominal",
+    "identified", or reference points (a file or a table). points: which ones were calculated: "calculated",
+    "taught", or names with commas between. tool, base: as the controller shows them, in mm and degrees, with
+    "NAME=" before the numbers where there are several. payload: kg and its centre in m. start: joint angles
+    before the first motion, in degrees. nominal: robot file with the frames of the controller. frame,
+    session: of the poses in tables. tolerance_mm: how far a straight motion may leave its line. columns: the
+    tables' names -> ours.
     """
-    paths = [Path(files)] if isinstance(files, (str, Path)) else [Path(file) for file in files]
-    arguments = arguments_of(add_arguments, robot_of(robot), paths, options)
+    frames = table_option(frames, "frames") or "nominal"
+    options = changed_options(compensate, locals())
+    tables = tables_of(files, "robot programs or tables of targets")
+    arguments = arguments_of(add_arguments, robot_of(robot), tables, options)
     vars(arguments).update(seed=seed, threads=threads_of(threads), progress=progress, out=None)
-    called = asked("compensate", robot, None, seed, {"files": [str(path) for path in paths]} | options)
-    return run(arguments).asked_as(replace(called, files=called.files + sources(paths)))
+    return run(arguments).asked_as(asked("compensate", robot, tables, seed, options))
 
 
 @collector_at_rest()
 def run(arguments: argparse.Namespace) -> CommandResult:
     robot = robot_of(arguments.robot)
-    if arguments.nominal:
+    if arguments.nominal is not None:
         robot = with_nominal(robot, load_robot(arguments.nominal))
     _check(robot, arguments)
     work = jobs(arguments.files)
@@ -152,17 +178,19 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     q_after = np.concatenate([c.q_after for c in corrections])
     arguments.progress.stage(TRUSTED)
     radius = model_uncertainty(robot, q_after, arguments.threads)
+    written = [pair for c in corrections for pair in zip(c.program.files, c.contents)]
     return CommandResult(
         json=summary_of(corrections, frames, model) | {"model_uncertainty": trust_json(radius)},
         report=report_of(robot, corrections, frames, model, radius),
-        tables={"compensation.csv": compensation_table(corrections, radius)},
-        contents={source.path.name: content
-                  for c in corrections
-                  for source, content in zip(c.program.files, c.contents)},
+        tables={"compensation.csv": compensation_table(corrections, radius)}
+        | {f"{source.path!r}.parquet": target_table.columns_of(content) for source, content in written
+           if isinstance(source.path, MemoryTable)},
+        contents={source.path.name: content for source, content in written
+                  if not isinstance(source.path, MemoryTable)},
         inputs=tuple(path
                      for path in (arguments.nominal,
                                   None if arguments.frames in ("nominal", "identified") else arguments.frames)
-                     if path))
+                     if path is not None))
 
 
 def _check(robot: Robot, arguments: argparse.Namespace) -> None:
@@ -174,6 +202,8 @@ def _check(robot: Robot, arguments: argparse.Namespace) -> None:
             "a program must not be corrected twice")
     out = None if arguments.out is None else Path(arguments.out).resolve()
     for path in arguments.files:
+        if isinstance(path, MemoryTable):
+            continue
         if path.resolve().parent == out:
             raise InputError(
                 "lies in the folder of results and would be overwritten; expected another --out", file=path)

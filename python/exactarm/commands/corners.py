@@ -10,16 +10,27 @@ from pathlib import Path
 import numpy as np
 
 from exactarm.commands.arguments import add_fixture, add_map, add_robot
-from exactarm.commands.call import AnyFixture, AnyRobot, asked, robot_of
-from exactarm.commands.plain import sha256
+from exactarm.commands.call import (
+    AnyFixture,
+    AnyRobot,
+    AnyTable,
+    asked,
+    command,
+    fixture_of,
+    path_word,
+    robot_of,
+    table_of,
+)
+from exactarm.commands.publish import sources
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import PICTURES, STEPS
 from exactarm.data.dataset import Dataset, dataset_columns, read_joint_log
-from exactarm.data.fixture import CameraSetup, load_fixture
+from exactarm.data.fixture import CameraSetup
 from exactarm.data.kinds import CLOSURES
-from exactarm.data.rows import Source, by_name
+from exactarm.data.rows import by_name
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import ComputationError, InputError
+from exactarm.files.memory_table import AnyFile
 from exactarm.measurement.board_detection import find_corners
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Highlight, Highlights, Quantity, Report, Table, Warnings
@@ -42,13 +53,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_map(parser, "columns")
 
 
-def corners(robot: AnyRobot, joints: str | Path, pictures: Sequence[str | Path], *, fixture: AnyFixture,
+@command
+def corners(robot: AnyRobot, joints: AnyTable, pictures: Sequence[str | Path], *, fixture: AnyFixture,
             columns: dict[str, str] | None = None, seed: int = DEFAULT_SEED,
             progress: Progress = SILENT) -> CommandResult:
-    """One table of corners from pictures of a ChArUco board and the joint angles of each; `.data` holds it
-    for the next command. fixture: with [board], marker_mm and dictionary. Nothing in it is random."""
-    arm = robot_of(robot)
-    known = load_fixture(fixture) if isinstance(fixture, (str, Path)) else fixture
+    """One table of corners from pictures of a ChArUco board and the joint angles of each (a file or a
+    table); `.data` holds it for the next command. fixture: with [board], marker_mm and
+    dictionary. Nothing in it is random."""
+    arm, joints, known = robot_of(robot), table_of(joints, "joints"), fixture_of(fixture)
     if known is None or known.camera is None:
         raise InputError("no board; expected --fixture with [board]: squares, square_mm, marker_mm and "
                          "dictionary")
@@ -77,15 +89,14 @@ def corners(robot: AnyRobot, joints: str | Path, pictures: Sequence[str | Path],
         contacts={"camera": np.zeros(sum(map(len, parts)), int)}, fixture=known,
         covariates={name: stack(lambda part, name=name: part.covariates[name]) for name in log.covariates})
     bare = tuple(Path(file).name for file, count in zip(files, seen) if count < LEAST)
-    sources = tuple(Source(str(path), sha256(path)) for path in (joints, *files))
     options = {"fixture": str(fixture) if isinstance(fixture, (str, Path)) else fixture, "columns": columns}
     call = asked("corners", robot, None, seed, options, {"columns": None})
-    line = call.line.replace(", ", f", {str(joints)!r}, {[str(file) for file in files]!r}, ", 1)
+    line = call.line.replace(", ", f", {path_word(joints)}, {[str(file) for file in files]!r}, ", 1)
     return CommandResult(
         json={"file": FILE, "pictures": len(files), "without_board": list(bare), "corners": len(data),
               "warnings": list(_warnings(bare))},
         report=_report(arm.name, files, seen, bare), tables={FILE: dataset_columns(data, arm)}, data=data,
-        asked=replace(call, line=line, files=(*call.files, *sources)))
+        asked=replace(call, line=line, files=(*call.files, *sources((joints, *files)))))
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:
@@ -94,7 +105,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
 
 
 def _in_order_of(log: Dataset, named: list[str] | None, pictures: Sequence[str | Path],
-                 joints: str | Path) -> list[str]:
+                 joints: AnyFile) -> list[str]:
     """The picture of each row of the log."""
     files = sorted((str(path) for path in pictures), key=by_name)
     if named is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -11,12 +12,23 @@ import numpy as np
 
 from exactarm.commands.arguments import add_robot
 from exactarm.commands.calibrate import dropped_table
-from exactarm.commands.call import AnyRobot, arguments_of, asked, robot_of, threads_of
+from exactarm.commands.call import (
+    AnyFixture,
+    AnyRobot,
+    arguments_of,
+    asked,
+    changed_options,
+    command,
+    fixture_of,
+    robot_of,
+    threads_of,
+)
 from exactarm.commands.closure_design import designed_closures, designed_pictures, designed_readings
 from exactarm.commands.design_for import designed_for, minutes_of, pose_columns
 from exactarm.commands.isolability_table import isolability_columns, isolability_json, isolability_table
 from exactarm.commands.output import PICTURES
 from exactarm.commands.planning_arguments import (
+    ACCEPTANCE_DEG,
     Numbers,
     add_planning,
     add_station,
@@ -25,14 +37,13 @@ from exactarm.commands.planning_arguments import (
     numbers_of,
     station_of,
     target_hint,
-    tool_of,
     with_tool,
 )
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import CAUSES, STEPS
 from exactarm.compensate.measuring_program import WRITERS, measuring_program, stops_of
 from exactarm.data.dataset import Dataset
-from exactarm.data.fixture import CameraSetup, load_fixture
+from exactarm.data.fixture import CameraSetup
 from exactarm.data.kinds import POSES
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.design.closure_design import ClosureDesignOptions
@@ -53,6 +64,7 @@ from exactarm.robot.robot import Robot
 
 NAME = "design"
 NOISE_MM = 0.05  # of a measured coordinate: a laser tracker on an arm that repeats to 0.03 mm
+NEAR_MM, FAR_MM, TILT_DEG = 1e3 * VIEWS.near, 1e3 * VIEWS.far, float(round(np.degrees(VIEWS.lean)))
 HELP = "optimal measurement poses, and others to validate with"
 
 
@@ -98,68 +110,74 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                             "frame; may be repeated (default: proposed)")
     touch.add_argument("--fixture", metavar="FILE", type=Path,
                        help="[board] and [camera] (size_px, focal_px) of the pictures (.toml)")
-    touch.add_argument("--near-mm", metavar="MM", type=float, default=1e3 * VIEWS.near,
+    touch.add_argument("--near-mm", metavar="MM", type=float, default=NEAR_MM,
                        help="least distance of camera and board (default %(default)g)")
-    touch.add_argument("--far-mm", metavar="MM", type=float, default=1e3 * VIEWS.far,
+    touch.add_argument("--far-mm", metavar="MM", type=float, default=FAR_MM,
                        help="most distance of camera and board (default %(default)g)")
-    touch.add_argument("--tilt-deg", metavar="DEG", type=float, default=round(np.degrees(VIEWS.lean)),
+    touch.add_argument("--tilt-deg", metavar="DEG", type=float, default=TILT_DEG,
                        help="most angle of the view from the board's normal (default %(default)g)")
 
 
-def design(robot: AnyRobot, *, count: int = 50, validation: int = 13,
-           tool_m: Numbers | None = None,
-           frames: str = "both", use: Literal["position", "pose"] = "position",
-           box: Box | Numbers | None = None, clearance_m: float | None = None,
-           station: Station | Numbers | None = None, both_ways: bool = False, program: str | None = None,
-           noise_mm: float = NOISE_MM, seed: int = DEFAULT_SEED, threads: int | None = None,
-           progress: Progress = SILENT, **options: Any) -> CommandResult:
+@command
+def design(robot: AnyRobot, *, count: int = 50, validation: int = 13, tool_m: Numbers | None = None,
+           frames: Literal["both", "base", "tool", "none"] = "both",
+           use: Literal["position", "pose"] = "position", box: Box | Numbers | None = None,
+           clearance_m: float | None = None, noise_mm: float = NOISE_MM,
+           station: Station | Numbers | None = None, opening: Numbers | None = None,
+           acceptance: float = ACCEPTANCE_DEG, both_ways: bool = False, program: str | None = None,
+           diagnosis: str | Path | None = None, minutes: str | Sequence[str] = (),
+           contact: str | None = None, places: int = 3, apart_mm: float = 50.0,
+           at: Numbers | Sequence[str] = (), fixture: AnyFixture = None, near_mm: float = NEAR_MM,
+           far_mm: float = FAR_MM, tilt_deg: float = TILT_DEG, seed: int = DEFAULT_SEED,
+           threads: int | None = None, progress: Progress = SILENT) -> CommandResult:
     """Measurement poses that show the parameters best, and others to validate with.
 
-    tool_m: target on the flange. frames: which frames are unknown ("both", "base", "tool", "none"). box,
-    clearance_m: where flange and target may be; station: of the tracker that has to see the target.
-    both_ways: every pose twice, from below and from above. program: the language of a controller (krl, rapid,
-    fanuc, urscript, inform). noise_mm: of a measured coordinate, for the table of causes that the poses could
-    tell. options: the others of `exactarm design --help` (diagnosis="result.json" is --for,
-    contact="socket", places=3, opening=(1, 0, 0), ...).
+    tool_m: target on the flange. frames: which frames are unknown. box, clearance_m: where flange and target
+    may be; station: of the tracker that has to see the target, whose reflector opens to `opening` and returns
+    the beam within `acceptance` degrees. both_ways: every pose twice, from below and from above. program: the
+    language of a controller (krl, rapid, fanuc, urscript, inform). noise_mm: of a measured coordinate, for
+    the table of causes that the poses could tell. diagnosis: result.json of `diagnose`, for the poses that
+    tell its causes apart (--for), minutes: what they cost (visit=2). contact: poses of touches, a gravity
+    sensor or a camera instead (socket, tilt, accel, camera); at, places, apart_mm: where the seats or the
+    board stand; fixture: board and camera; near_mm, far_mm, tilt_deg: of the camera's views.
 
         >>> import exactarm as ea
         >>> len(ea.design("ur10", count=20, validation=5).to_dataframe())
         25
     """
-    given = {"count": count, "validation": validation, "tool_m": tool_m, "frames": frames, "use": use}
-    defaults = {"validation": 13, "tool_m": None, "frames": "both", "use": "position"}
-    arm = robot_of(robot)
-    if options:
-        named = given | {"box": box, "clearance": clearance_m, "station": station, "both_ways": both_ways,
-                         "program": program, "noise_mm": noise_mm}
-        arguments = arguments_of(add_arguments, arm, [], named | options)
-        vars(arguments).update(seed=seed, threads=threads_of(threads), progress=progress)
-        return run(arguments).asked_as(asked("design", robot, None, seed, given | options, defaults))
-    arm = with_tool(arm, tool_m)
-    if count < 1 or validation < 0:
+    options = changed_options(design, locals())
+    arguments = arguments_of(add_arguments, robot_of(robot), [], options)
+    vars(arguments).update(seed=seed, threads=threads_of(threads), progress=progress)
+    return run(arguments).asked_as(asked("design", robot, None, seed, options))
+
+
+def _poses(arguments: argparse.Namespace) -> CommandResult:
+    arm = with_tool(robot_of(arguments.robot), arguments.tool)
+    if arguments.count < 1 or arguments.validation < 0:
         raise InputError("--count: expected 1 or more, --validation: 0 or more")
     chosen = DesignOptions(
-        count=count, validation=validation, box=box_of(box), clearance=clearance_of(clearance_m),
-        station=station_of(station), frames=frames, orientation=use == "pose", seed=seed,
-        threads=threads_of(threads))
-    if not 0.0 < noise_mm < 100.0:
+        count=arguments.count, validation=arguments.validation, box=box_of(arguments.box),
+        clearance=clearance_of(arguments.clearance),
+        station=station_of(arguments.station, arguments.opening, arguments.acceptance),
+        frames=arguments.frames, orientation=arguments.use == "pose", seed=arguments.seed,
+        threads=arguments.threads)
+    if not 0.0 < arguments.noise_mm < 100.0:
         raise InputError("--noise-mm: expected between 0 and 100")
-    progress.plan(STEPS["design"])
-    found = design_poses(arm, chosen, progress.stage)
-    progress.stage(CAUSES)
-    causes = isolability(arm, Dataset.of_arrays(POSES.name, {"q": found.q}), 1e-3 * noise_mm, seed,
-                         threads_of(threads))
-    q, sets, approach = _visits(found, both_ways)
+    arguments.progress.plan(STEPS["design"])
+    found = design_poses(arm, chosen, arguments.progress.stage)
+    arguments.progress.stage(CAUSES)
+    causes = isolability(arm, Dataset.of_arrays(POSES.name, {"q": found.q}), 1e-3 * arguments.noise_mm,
+                         arguments.seed, arguments.threads)
+    q, sets, approach = _visits(found, arguments.both_ways)
     texts = {}
-    if program is not None:
+    if arguments.program is not None:
         stops = stops_of(q, approach, found.space.lower, found.space.upper)
-        texts = dict([measuring_program(arm, program, stops)])
+        texts = dict([measuring_program(arm, arguments.program, stops)])
     return CommandResult(json=_json(found) | {"isolability": isolability_json(causes)},
-                         report=_report(arm, found, isolability_table(causes, noise_mm)),
+                         report=_report(arm, found, isolability_table(causes, arguments.noise_mm)),
                          tables={"poses.csv": {"set": sets} | pose_columns(arm, q, approach),
                                  "isolability.csv": isolability_columns(causes)},
-                         texts=texts,
-                         asked=asked("design", robot, None, seed, given, defaults))
+                         texts=texts)
 
 
 def _closures(arguments: argparse.Namespace) -> CommandResult:
@@ -179,12 +197,13 @@ def _closures(arguments: argparse.Namespace) -> CommandResult:
     return designed_closures(robot, options)
 
 
-def _camera(file: Path | None) -> CameraSetup:
-    setup = None if file is None else load_fixture(file).camera
-    if setup is None:
+def _camera(fixture: AnyFixture) -> CameraSetup:
+    known = fixture_of(fixture)
+    if known is None or known.camera is None:
         raise InputError("no board; expected --fixture with [board] (squares, square_mm) and [camera] "
-                         "(size_px, focal_px)", file=None if file is None else str(file))
-    return setup
+                         "(size_px, focal_px)",
+                         file=str(fixture) if isinstance(fixture, (str, Path)) else None)
+    return known.camera
 
 
 def _views(arguments: argparse.Namespace) -> Views:
@@ -204,12 +223,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         raise InputError("--minutes acts with --for RESULT only")
     if arguments.contact is not None:
         return _closures(arguments)
-    return design(arguments.robot, count=arguments.count, validation=arguments.validation,
-                  tool_m=tool_of(arguments.tool), frames=arguments.frames, use=arguments.use,
-                  box=box_of(arguments.box), clearance_m=arguments.clearance,
-                  station=station_of(arguments.station, arguments.opening, arguments.acceptance),
-                  both_ways=arguments.both_ways, program=arguments.program, noise_mm=arguments.noise_mm,
-                  seed=arguments.seed, threads=arguments.threads, progress=arguments.progress)
+    return _poses(arguments)
 
 
 def _json(design: Design) -> dict[str, Any]:

@@ -15,6 +15,7 @@ from exactarm.design.joint_limits import violations
 from exactarm.design.pose_space import PoseSpace
 from exactarm.diagnose.next_poses import MINUTES, Experiment
 from exactarm.errors import InputError
+from exactarm.files.file_bytes import path_of
 from exactarm.files.toml_file import is_number
 from exactarm.report import Report, Table, Text
 from exactarm.robot.robot import Robot
@@ -51,6 +52,7 @@ _COSTS = {"visit": "to drive to a pose and measure", "payload": "to mount a payl
 
 def _told(path: Path) -> dict[str, Any]:
     """A result.json. Raises InputError where it is none."""
+    path_of(path, _EXPECTED.removeprefix("expected "))
     try:
         told = json.loads(path.read_text(encoding="utf-8"))
     except RecursionError:

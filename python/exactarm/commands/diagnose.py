@@ -4,13 +4,23 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from exactarm.commands.arguments import add_files, add_fixture, add_robot, add_sessions
-from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of, robot_of, threads_of
+from exactarm.commands.call import (
+    AnyData,
+    AnyFixture,
+    AnyRobot,
+    AnyTable,
+    asked,
+    command,
+    data_of,
+    robot_of,
+    table_option,
+    threads_of,
+)
 from exactarm.commands.design_for import experiment_json
 from exactarm.commands.diagnose_report import report_of
 from exactarm.commands.effect_sections import rows_left_out
@@ -46,8 +56,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_sessions(parser)
 
 
+@command
 def diagnose(robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, threads: int | None = None,
-             kind: str | None = None, fixture: AnyFixture = None, sessions: str | Path | None = None,
+             kind: str | None = None, fixture: AnyFixture = None, sessions: AnyTable | None = None,
              progress: Progress = SILENT) -> CommandResult:
     """Finds what the model lacks: the effects behind the residual, their size, certainty, and error before
     and after.
@@ -60,6 +71,7 @@ def diagnose(robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, thread
     progress.plan(STEPS["diagnose"], long=True)
     progress.stage(READING)
     declared = known = robot_of(robot)
+    sessions = table_option(sessions, "sessions")
     rows = data_of(data, declared, kind, fixture, sessions, weighs=(MOTION.name,))
     results: list[Diagnosis] = []
     skipped: list[str] = []

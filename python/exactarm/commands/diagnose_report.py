@@ -229,7 +229,7 @@ def _arm(result: Diagnosis) -> list[Figure]:
                    partial(arm_with_errors, space.arm, space.position, space.before, space.after),
                    f"{space.which.capitalize()} poses in the robot's base frame; the arm stands at one of "
                    f"them.{_NOT_DRAWN if _outliers(result) else ''}",
-                   "the arm with an arrow for the error of every pose, before and after")]
+                   "the arm with an arrow for the error of every pose, before and after", main=1)]
 
 
 def _rivals(result: Diagnosis) -> Table:

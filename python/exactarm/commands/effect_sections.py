@@ -230,8 +230,9 @@ def orders_table(found: Sequence[tuple[Finding, Contribution | None]], ratios: n
 def curves_figure(found: Sequence[tuple[Finding, Contribution | None]]) -> list[Figure]:
     """One panel an effect, over its own signal, in the order of the chain; what does not lower its own error
     is not drawn."""
-    panels = [panel for _, c in in_order(found) if c is not None and c.rms[1] < c.rms[0]
-              for panel in _panels(c)][:_MOST_PANELS]
+    drawn = [(c.rms[1] / c.rms[0], panel) for _, c in in_order(found)
+             if c is not None and c.rms[1] < c.rms[0] for panel in _panels(c)][:_MOST_PANELS]
+    panels = [panel for _, panel in drawn]
     if not panels:
         return []
     grey = any(panel.same or not panel.curve for panel in panels)  # else the error is in another unit
@@ -244,7 +245,8 @@ def curves_figure(found: Sequence[tuple[Finding, Contribution | None]]) -> list[
         + (" RMS of the grey points, and of what is left with the cause." if grey else "")
         + (" Over a phase: without what changes more slowly than a wave." if any(
             c.fast for _, c in found if c is not None) else ""),
-        "one panel for each effect found: its curve with band over its own signal, and the error without it")]
+        "one panel for each effect found: its curve with band over its own signal, and the error without it",
+        main=int(np.argmin([left for left, _ in drawn])))]
 
 
 def _panels(c: Contribution) -> list[EffectPanel]:

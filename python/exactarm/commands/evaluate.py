@@ -11,7 +11,18 @@ import numpy as np
 
 from exactarm.chain.extrapolation import extrapolations
 from exactarm.commands.arguments import add_files, add_fixture, add_robot, add_sessions
-from exactarm.commands.call import AnyData, AnyFixture, AnyRobot, asked, data_of, robot_of, threads_of
+from exactarm.commands.call import (
+    AnyData,
+    AnyFixture,
+    AnyRobot,
+    AnyTable,
+    asked,
+    command,
+    data_of,
+    robot_of,
+    table_option,
+    threads_of,
+)
 from exactarm.commands.certified import FILE, with_uncertainty
 from exactarm.commands.load_section import with_load_section
 from exactarm.commands.memory import within_memory
@@ -26,6 +37,7 @@ from exactarm.data.kinds import kind_of
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.design.joint_limits import beyond_limits
 from exactarm.errors import InputError
+from exactarm.files.memory_table import AnyFile
 from exactarm.identify.evaluate import EVALUATORS, Evaluation
 from exactarm.identify.planned import controller_angles
 from exactarm.identify.pose_uncertainty import pose_uncertainty
@@ -51,22 +63,26 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                              "given")
 
 
+@command
 def evaluate(robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, threads: int | None = None,
-             kind: str | None = None, fixture: AnyFixture = None, sessions: str | Path | None = None,
-             at: str | Path | None = None, progress: Progress = SILENT) -> CommandResult:
+             kind: str | None = None, fixture: AnyFixture = None, sessions: AnyTable | None = None,
+             at: AnyTable | None = None, progress: Progress = SILENT) -> CommandResult:
     """The error of a robot as it is: only what belongs to the set-up (frames, contacts, sensor alignment) is
     fitted.
 
-    at: poses at which the 95 % ellipsoid of the target's error is given as well (data of kind poses).
+    at: a file or table of poses at which the 95 % ellipsoid of the target's error is given as well (data of
+    kind poses). sessions: a file or table of what holds for whole sessions.
 
         >>> import exactarm as ea
         >>> result = ea.evaluate("ur10", ea.example("ur10/series_B"))
         >>> bool(result["error"]["mean"] > 0.5e-3)
         True
     """
-    progress.plan({name: share for name, share in STEPS["evaluate"].items() if at or name != AT_POSES})
+    unplanned = AT_POSES if at is None else None
+    progress.plan({name: share for name, share in STEPS["evaluate"].items() if name != unplanned})
     progress.stage(READING)
     declared = robot_of(robot)
+    sessions, at = table_option(sessions, "sessions"), table_option(at, "at")
     rows = data_of(data, declared, kind, fixture, sessions)
     if rows.kind not in EVALUATORS:
         raise InputError(f"evaluate judges {', '.join(EVALUATORS)}; found {rows.kind}", file=rows.first_file)
@@ -91,7 +107,7 @@ def evaluate(robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, thread
               "warnings": list(result.warnings)},
         report=_report(declared, rows, result), tables={"residuals.csv": columns},
         asked=asked("evaluate", robot, rows, seed,
-                    {"sessions": sessions, "at": None if at is None else str(at)}),
+                    {"sessions": sessions, "at": str(at) if isinstance(at, Path) else at}),
         inputs=() if at is None else (at,)).warned(found)
     if at is not None:
         progress.stage(AT_POSES)
@@ -99,7 +115,7 @@ def evaluate(robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, thread
     return with_load_section(made, declared, rows)
 
 
-def _certified(made: CommandResult, robot: Robot, rows: Dataset, result: Evaluation, at: str | Path,
+def _certified(made: CommandResult, robot: Robot, rows: Dataset, result: Evaluation, at: AnyFile,
                seed: int, threads: int) -> CommandResult:
     if result.frames is None:
         raise InputError(f"--at needs poses, found {rows.kind}", file=rows.first_file)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from exactarm.commands.arguments import add_robot
-from exactarm.commands.call import AnyRobot, asked, robot_of
+from exactarm.commands.call import AnyRobot, asked, command, robot_of
 from exactarm.commands.result import CommandResult
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
@@ -22,6 +22,7 @@ from exactarm.export.offsets import offsets_text
 from exactarm.export.robodk import station_script
 from exactarm.export.ur_description import kinematics_yaml, link_origins
 from exactarm.export.urdf import patched_urdf
+from exactarm.files.file_bytes import path_of
 from exactarm.report import Highlight, Highlights, Quantity, Report, Text, Warnings
 from exactarm.report.numbers import quantity
 from exactarm.robot.mdh_frames import behind_axis, compose
@@ -82,6 +83,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--hash", metavar="calib_N", help="ur_description: the hash of the robot, as its driver reports it")
 
 
+@command
 def export(robot: AnyRobot, *, format: str, source: str | Path | None = None, hash: str | None = None,
            seed: int = DEFAULT_SEED) -> CommandResult:
     """The identified arm in the format of another program; the file is in `contents`.
@@ -93,6 +95,8 @@ def export(robot: AnyRobot, *, format: str, source: str | Path | None = None, ha
         raise InputError(f"robot {arm.name} declares no geometry; expected one to export", file=arm.file)
     if format not in FORMATS:
         raise InputError(f"format {format!r}; expected one of {', '.join(FORMATS)}")
+    if source is not None:
+        path_of(source, "a URDF or xacro")
     given = None if source is None else str(source)
     name, content = _name(format, given), FORMATS[format](arm, given, hash)
     cost = lost(arm, _flange_poses(arm, format))

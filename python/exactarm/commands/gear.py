@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from exactarm.commands.arguments import add_files, add_robot
-from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, threads_of
+from exactarm.commands.call import AnyData, AnyRobot, asked, command, data_of, robot_of, threads_of
 from exactarm.commands.gear_report import gear_report
 from exactarm.commands.memory import within_memory
 from exactarm.commands.output import PICTURES, ROBOT_FILES
@@ -39,6 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                              "%(default)s; both are compared in the report)")
 
 
+@command
 def gear(robot: AnyRobot, data: AnyData, *, method: str = METHODS[0], seed: int = DEFAULT_SEED,
          threads: int | None = None, kind: str | None = None, progress: Progress = SILENT) -> CommandResult:
     """Identifies the gear ratio and its harmonics per axis and direction, from gear runs.

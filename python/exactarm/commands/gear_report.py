@@ -159,7 +159,7 @@ def _gear_sections(gear: Gear, error: str) -> tuple:
                       partial(residual_over_signal, angle, before, after, unit=unit, name=error,
                               signal_name="angle of the output", signal_unit="rad"),
                       "Before (constant ratio) and after (with the harmonics).",
-                      f"{error} of gear {gear.joint} over the angle"))
+                      f"{error} of gear {gear.joint} over the angle", main=1))
     fit, m = e.tables[gear.side], gear.table.order.size
     sigma = _LEVEL * np.sqrt(np.diag(fit.covariance))
     around = lambda value, half: Estimate(float(value), float(value - half), float(value + half))

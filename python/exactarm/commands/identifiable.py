@@ -6,17 +6,29 @@ import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from exactarm.chain import Layout
 from exactarm.commands.arguments import add_files, add_fixture, add_robot
 from exactarm.commands.calibrate import dropped_table
-from exactarm.commands.call import AnyRobot, arguments_of, asked, files_of, robot_of, threads_of
+from exactarm.commands.call import (
+    AnyFixture,
+    AnyRobot,
+    AnyTable,
+    arguments_of,
+    asked,
+    changed_options,
+    command,
+    fixture_of,
+    robot_of,
+    tables_of,
+    threads_of,
+)
 from exactarm.commands.output import PICTURES
 from exactarm.commands.planning_arguments import (
+    Numbers,
     add_noise,
     add_planning,
     box_of,
@@ -25,14 +37,13 @@ from exactarm.commands.planning_arguments import (
     target_hint,
     with_tool,
 )
-from exactarm.commands.publish import sources
 from exactarm.commands.result import CommandResult
 from exactarm.data.dataset import Dataset, read_planned_poses
-from exactarm.data.fixture import Fixture, load_fixture
+from exactarm.data.fixture import Fixture
 from exactarm.data.kinds import CLOSURES
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.design.joint_limits import beyond_limits
-from exactarm.design.pose_space import PoseSpace
+from exactarm.design.pose_space import Box, PoseSpace
 from exactarm.effects.parameter_id import Group, ParameterId
 from exactarm.errors import InputError
 from exactarm.first_aid.first_aid import with_cause
@@ -51,7 +62,14 @@ from exactarm.identify.identifiability import Dropped, Identifiability, still_ax
 from exactarm.identify.match import Mismatch, require_match
 from exactarm.identify.model_check import ModelCheck, check_model
 from exactarm.identify.partner_prior import with_open_partner
-from exactarm.identify.planned import PlannedModel, controller_angles, pose_blocks, pose_data, row_weights
+from exactarm.identify.planned import (
+    SIGMA_POSITION_M,
+    PlannedModel,
+    controller_angles,
+    pose_blocks,
+    pose_data,
+    row_weights,
+)
 from exactarm.measurement.closures import touches
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Cell, Figure, Quantity, Report, Section, Table, Text, Warnings
@@ -59,7 +77,6 @@ from exactarm.report.numbers import number
 from exactarm.report.plots.parameters import singular_values
 from exactarm.report.plots.style import figure_of_panel
 from exactarm.robot.robot import Robot
-from exactarm.robot_file import load_robot
 
 NAME = "identifiable"
 HELP = "which parameters the planned or measured poses can identify, and which collide with which"
@@ -90,24 +107,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_noise(parser)
 
 
-def identifiable(robot: AnyRobot, files: str | Path | Sequence[str | Path] = (), *, seed: int = DEFAULT_SEED,
-                 threads: int | None = None, progress: Progress = SILENT, **options: Any) -> CommandResult:
-    """Which parameters measured or planned poses can show, and how well; without files: random poses.
+@command
+def identifiable(robot: AnyRobot, files: AnyTable | Sequence[AnyTable] = (), *, count: int = 1000,
+                 tool_m: Numbers | None = None, frames: Literal["both", "base", "tool", "none"] = "both",
+                 use: Literal["position", "pose"] = "position", box: Box | Numbers | None = None,
+                 clearance_m: float | None = None, noise: float = SIGMA_POSITION_M,
+                 fixture: AnyFixture = None, seed: int = DEFAULT_SEED, threads: int | None = None,
+                 progress: Progress = SILENT) -> CommandResult:
+    """Which parameters measured or planned poses can show, and how well; without files: `count` random poses.
 
-    options: those of `exactarm identifiable --help` with their names (count=200, use="pose", tool_m=[0.05, 0,
-    0.1], ...).
+    tool_m: target on the flange. frames: which frames are unknown. box, clearance_m: where flange and target
+    of random poses may be. noise: standard deviation of a measured coordinate in m. fixture: what is known of
+    touched contacts.
 
         >>> import exactarm as ea
         >>> found = ea.identifiable("ur10", count=60)
         >>> "d_1_m" in found.summary()
         True
     """
-    paths = files_of(files)
-    arguments = arguments_of(add_arguments, robot_of(robot), paths, options)
+    options = changed_options(identifiable, locals())
+    tables = tables_of(files)
+    arguments = arguments_of(add_arguments, robot_of(robot), tables, options)
     vars(arguments).update(seed=seed, threads=threads_of(threads), progress=progress)
-    given = {"files": [str(path) for path in paths]} if paths else {}
-    called = asked("identifiable", robot, None, seed, given | options)
-    return run(arguments).asked_as(replace(called, files=called.files + sources(arguments.files)))
+    return run(arguments).asked_as(asked("identifiable", robot, tables, seed, options))
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:
@@ -134,10 +156,10 @@ def _result(robot: Robot, check: ModelCheck, poses: _Poses, noise: float) -> Com
 
 def _touches(robot: Robot, arguments: argparse.Namespace) -> Dataset | None:
     """The rows of a file with contacts, measured or planned; None for other files."""
+    fixture = fixture_of(arguments.fixture) or Fixture()
     data = read_planned_poses(arguments.files, robot) if arguments.files else None
     if data is None or not data.contacts:
         return None
-    fixture = Fixture() if arguments.fixture is None else load_fixture(arguments.fixture, load_robot)
     return touches(replace(data, kind=CLOSURES.name, kinds=(CLOSURES.name,), fixture=fixture))
 
 

@@ -4,14 +4,23 @@ from __future__ import annotations
 
 import argparse
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from exactarm.commands.arguments import add_files, add_robot, add_sessions
 from exactarm.commands.calibrate import dropped_table
-from exactarm.commands.call import AnyData, AnyRobot, asked, data_of, robot_of, threads_of
+from exactarm.commands.call import (
+    AnyData,
+    AnyRobot,
+    AnyTable,
+    asked,
+    command,
+    data_of,
+    robot_of,
+    table_option,
+    threads_of,
+)
 from exactarm.commands.error_sections import SETS, error_table, highlights, parameter_table, unit_of
 from exactarm.commands.load_section import with_payload_section
 from exactarm.commands.memory import within_memory
@@ -59,16 +68,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="keep masses and rotors as declared, estimate Coulomb and viscous friction")
 
 
+@command
 def identify(robot: AnyRobot, data: AnyData, *, bandwidth_hz: float | None = None, share: float = 0.7,
              friction_only: bool = False,
              seed: int = DEFAULT_SEED, threads: int | None = None, kind: str | None = None,
-             sessions: str | Path | None = None, progress: Progress = SILENT) -> CommandResult:
+             sessions: AnyTable | None = None, progress: Progress = SILENT) -> CommandResult:
     """Identifies inertial parameters, rotors and friction from motions with torques or currents.
 
     bandwidth_hz: low-pass on measurement and prediction (None: 20 Hz, none for slow logs). share: part of the
     rows that is fitted, where the data do not say. friction_only: masses and rotors stay as declared.
     sessions: a table of what holds for whole sessions; a payload_kg that is empty there is estimated.
     """
+    sessions = table_option(sessions, "sessions")
     given = {"bandwidth_hz": bandwidth_hz, "share": share, "friction_only": friction_only,
              "sessions": sessions}
     progress.plan(STEPS["identify"])
@@ -225,7 +236,8 @@ def _figure(result: DynamicsIdentification, judge: str) -> Figure:
     return Figure(
         "torque", f"Torque of every axis ({judge})",
         partial(curves_per_axis, record.data.sample_times[rows], traces, unit="Nm", name="torque"),
-        "Measured, as the identified model has it, and the difference.", "torque of every axis over time")
+        "Measured, as the identified model has it, and the difference.", "torque of every axis over time",
+        main=int(np.argmax(np.square(left).sum(axis=0))))
 
 
 def _parameters(robot: Robot, result: DynamicsIdentification) -> Table:

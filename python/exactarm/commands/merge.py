@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from exactarm.commands.arguments import add_map, add_robot
-from exactarm.commands.call import AnyRobot, asked, robot_of
+from exactarm.commands.call import AnyRobot, AnyTable, asked, command, path_word, robot_of, table_of
 from exactarm.commands.outcome import Column
-from exactarm.commands.plain import sha256
+from exactarm.commands.publish import sources
 from exactarm.commands.result import CommandResult
 from exactarm.data.dataset import Dataset, dataset_columns, read_dataset, read_joint_log
 from exactarm.data.kinds import POSES
@@ -22,6 +22,7 @@ from exactarm.data.point_text import UNITS, Points, header_names, read_points
 from exactarm.data.rows import Source
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
+from exactarm.files.memory_table import AnyFile
 from exactarm.files.table import column_names, write_table
 from exactarm.report import Highlight, Highlights, Quantity, Report, Table, Text, Warnings
 from exactarm.robot.robot import Robot
@@ -60,12 +61,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_map(parser, "columns")
 
 
-def merge(robot: AnyRobot, joints: str | Path, points: str | Path, *, by: str | None = None,
+@command
+def merge(robot: AnyRobot, joints: AnyTable, points: AnyTable, *, by: str | None = None,
           unit: str | None = None, layout: str | None = None, group: Sequence[str] = (),
           columns: Mapping[str, str] | None = None, seed: int = DEFAULT_SEED) -> CommandResult:
-    """One table of poses from a tracker's points (text) and a log of joint angles, by the names of the points
-    or row by row; `.data` holds it for the next command. Nothing in it is random: `seed` is recorded."""
+    """One table of poses from a tracker's points (text, or a table with names, x, y, z) and a log of joint
+    angles, by the names of the points or row by row; `.data` holds it for the next command. Nothing in it is
+    random: `seed` is recorded."""
     arm, wanted = robot_of(robot), [group] if isinstance(group, str) else list(group)
+    joints, points = table_of(joints, "joints"), table_of(points, "points")
     if by not in (None, "name", "row"):
         raise InputError(f"by {by!r}; expected name or row")
     if unit is not None and unit not in UNITS:
@@ -81,8 +85,8 @@ def merge(robot: AnyRobot, joints: str | Path, points: str | Path, *, by: str | 
     options = {"by": by, "unit": unit, "layout": layout, "group": wanted, "columns": columns}
     call = asked("merge", robot, None, seed, options,
                  {"by": None, "unit": None, "layout": None, "group": [], "columns": None})
-    files = tuple(Source(str(path), sha256(path)) for path in (joints, points))
-    line = call.line.replace(", ", f", {str(joints)!r}, {str(points)!r}, ", 1)
+    files = sources((joints, points))
+    line = call.line.replace(", ", f", {path_word(joints)}, {path_word(points)}, ", 1)
     warnings = (*_warnings(merged), *data.notes)
     return CommandResult(json=_json(merged, told, warnings),
                          report=_report(arm, data, merged, told, warnings), tables={FILE: table}, data=data,
@@ -95,7 +99,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         layout=arguments.layout, group=arguments.group, columns=dict(arguments.columns), seed=arguments.seed)
 
 
-def _maps(joints: str | Path, points: str | Path, given: Mapping[str, str],
+def _maps(joints: AnyFile, points: AnyFile, given: Mapping[str, str],
           layout: str | None) -> tuple[dict[str, str], dict[str, str]]:
     """Those of the file of points, those of the log."""
     headed = header_names(points) if layout is None else []
@@ -109,7 +113,7 @@ def _maps(joints: str | Path, points: str | Path, given: Mapping[str, str],
 
 
 # -- what belongs together ---------------------------------------------------------------------------------
-def _by_row(log: Dataset, found: Points, joints: str | Path, points: str | Path) -> _Merged:
+def _by_row(log: Dataset, found: Points, joints: AnyFile, points: AnyFile) -> _Merged:
     if len(log) != len(found.names):
         raise InputError(
             f"{len(found.names)} points, but {joints} has {len(log)} rows; expected as many, or a column "
@@ -118,8 +122,8 @@ def _by_row(log: Dataset, found: Points, joints: str | Path, points: str | Path)
     return _Merged(rows, rows, "row")
 
 
-def _by_name(log: Dataset, text: Mapping[str, list[str]], found: Points, joints: str | Path,
-             points: str | Path) -> _Merged:
+def _by_name(log: Dataset, text: Mapping[str, list[str]], found: Points, joints: AnyFile,
+             points: AnyFile) -> _Merged:
     if "name" not in text:
         raise InputError("column missing; expected the names of the points", file=joints, column="name")
     if not any(found.names):
@@ -161,7 +165,7 @@ def _table(arm: Robot, log: Dataset, found: Points, merged: _Merged) -> dict[str
     return table | {name: values[merged.points] for name, values in found.extras.items()}
 
 
-def _checked(table: Mapping[str, Column], arm: Robot, joints: str | Path, points: str | Path) -> Dataset:
+def _checked(table: Mapping[str, Column], arm: Robot, joints: AnyFile, points: AnyFile) -> Dataset:
     """The table as every other command will read it."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / FILE

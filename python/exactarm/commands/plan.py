@@ -13,7 +13,7 @@ import numpy as np
 
 from exactarm.chain.direction import TRANSITION_S, reversals
 from exactarm.commands.arguments import add_robot
-from exactarm.commands.call import AnyRobot, asked, robot_of, threads_of
+from exactarm.commands.call import AnyRobot, asked, command, robot_of, threads_of
 from exactarm.commands.model_trust import thinned, trust_highlights, trust_json, trust_text
 from exactarm.commands.output import PICTURES
 from exactarm.commands.result import CommandResult
@@ -62,6 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="also in the words of a controller: joint angles as it reports them")
 
 
+@command
 def plan(robot: AnyRobot, path: str | Path | PlannedPath, *, rate_hz: float | None = None,
          duration_s: float | None = None, nu: float | None = None, gear_direction: str | None = None,
          input: str | None = None, solver: str | None = None, linear_solver: str | None = None,
@@ -222,8 +223,10 @@ def _figures(robot: Robot, plan: Plan) -> tuple[Figure, ...]:
                partial(curves_per_axis, plan.time,
                        {"motor": plan.theta_dot / robot.ratios, "link": plan.q_dot},
                                        unit="rad/s", name="rate"),
-               "What the motors do so that the links move smoothly.", "motor and link rates over time"),
+               "What the motors do so that the links move smoothly.", "motor and link rates over time",
+               main=int(np.argmax(np.abs(plan.theta_dot / robot.ratios).max(axis=0)))),
         Figure("spectrum", "Spectrum of the motor accelerations",
                partial(curves_per_axis, frequency[1:], {"acceleration": spectrum[1:]}, unit="rad/s²",
                        name="amplitude", x_name="frequency", x_unit="Hz", log_x=True, log_y=True),
-               "Single-sided amplitude of the input, output side.", "spectrum of the input per axis"))
+               "Single-sided amplitude of the input, output side.", "spectrum of the input per axis",
+               main=int(np.argmax(spectrum[1:].max(axis=0)))))

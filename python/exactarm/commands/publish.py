@@ -18,6 +18,7 @@ from exactarm.commands.output import ALWAYS, PICTURES, ROBOT_FILES, OutputFolder
 from exactarm.commands.plain import plain, rows_of, sha256
 from exactarm.data.rows import Source
 from exactarm.errors import ComputationError, InputError
+from exactarm.files.memory_table import MemoryTable
 from exactarm.progress import SILENT, Progress
 from exactarm.report.html import render_html
 from exactarm.report.plots.files import draw
@@ -43,7 +44,8 @@ class Published:
 def save(result: Outcome, folder: str | Path, progress: Progress = SILENT) -> Path:
     """Writes a result that Python holds; returns the path of its report."""
     started = time.perf_counter()
-    read = [*result.inputs, *(source.path for source in (result.asked.files if result.asked else ()))]
+    files = result.asked.files if result.asked else ()
+    read = [*map(str, result.inputs), *(source.path for source in files)]
     with OutputFolder(Path(folder), _names(result), read) as place:
         publish(result, place, started, progress)
     return Path(folder) / "report.html"
@@ -96,10 +98,13 @@ def publish(result: Outcome, folder: OutputFolder, started: float, progress: Pro
 
 
 def sources(paths: Iterable[Any], known: tuple[Source, ...] = ()) -> tuple[Source, ...]:
-    """Path, SHA-256 and number of data rows of every path that is a file, once each."""
+    """Path, SHA-256 and number of data rows of every path that is a file, and of tables in memory, once
+    each."""
     seen = {source.path for source in known}
-    files = [Path(path) for path in dict.fromkeys(str(path) for path in paths) if str(path) not in seen]
-    return tuple(Source(str(path), sha256(path), rows_of(path)) for path in files if os.path.isfile(path))
+    read = {str(path): path for path in paths if str(path) not in seen}
+    return tuple(Source(name, path.sha256, path.rows) if isinstance(path, MemoryTable)
+                 else Source(name, sha256(path), rows_of(Path(path)))
+                 for name, path in read.items() if isinstance(path, MemoryTable) or os.path.isfile(path))
 
 
 def _print(name: str | None, folder: OutputFolder, progress: Progress) -> dict[str, Any]:

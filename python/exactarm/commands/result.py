@@ -156,7 +156,10 @@ class CommandResult(Outcome):
     def plot(self, ax: Axes | None = None, what: str | None = None) -> Axes | list[Axes]:
         """Draws the figure `what` (default: the first); returns its axes.
 
-        ax: where to draw; only figures of one panel take it. Without it a figure of pyplot is made.
+        ax: where to draw. Of a figure of several panels it takes the most telling one: of a robot's axes the
+        one with the largest residual or rate, of before and after the latter, of two views that from above.
+        Without `what` it takes the first figure of one panel, if there is one. Without `ax` a figure of
+        pyplot is made.
         """
         from exactarm.report.plots.interactive import draw_figure
 
@@ -168,16 +171,13 @@ class CommandResult(Outcome):
         if ax is not None and not hasattr(ax, "plot"):
             raise InputError(f"ax is of the type {type(ax).__name__}; expected matplotlib axes")
         drawn = {figure.name: figure for figure in self.report.figures}
-        usable = [name for name, figure in drawn.items() if ax is None or figure.panel is not None]
-        if what is None and usable:
-            return drawn[usable[0]]
         if not drawn:
             raise InputError(f"a result of {self.command} holds no figure")
-        if not usable:
-            raise InputError(f"figures of a result of {self.command} have several panels; expected no axes")
-        if what not in usable:
-            raise InputError(f"no figure {what!r}{' of one panel' if ax is not None else ''}; expected one "
-                             f"of {', '.join(usable)}")
+        if what is None:
+            figures = list(drawn.values())
+            return next((each for each in figures if ax is not None and each.panel is not None), figures[0])
+        if what not in drawn:
+            raise InputError(f"no figure {what!r}; expected one of {', '.join(drawn)}")
         return drawn[what]
 
     def save(self, folder: str | Path) -> Path:

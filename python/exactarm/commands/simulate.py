@@ -11,17 +11,25 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from exactarm.commands import compare
 from exactarm.commands.arguments import add_files, add_robot
-from exactarm.commands.call import AnyRobot, arguments_of, asked, robot_of, threads_of
+from exactarm.commands.call import (
+    AnyRobot,
+    AnyTable,
+    arguments_of,
+    asked,
+    changed_options,
+    command,
+    robot_of,
+    table_of,
+    threads_of,
+)
 from exactarm.commands.output import PICTURES
-from exactarm.commands.publish import sources
 from exactarm.commands.result import CommandResult
 from exactarm.commands.virtual_measurements import FILES, FIXTURE_FILES, MEASURES, SHOW_THE_TARGET, Played
 from exactarm.data.dataset import Dataset, dataset_columns, read_planned_poses
@@ -30,6 +38,7 @@ from exactarm.data.split import DEFAULT_SEED
 from exactarm.design.joint_limits import beyond_limits
 from exactarm.errors import InputError
 from exactarm.identify.statistics import summarise
+from exactarm.plan.path_file import CHOICES
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Highlight, Highlights, Quantity, Report, Text
 from exactarm.report.numbers import quantity
@@ -71,7 +80,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                        help="where tracker and target are, for poses and tracked motion (default "
                             "%(default)s)")
     truth.add_argument("--quasi-static", action="store_true", help="springs follow the load without swinging")
-    truth.add_argument("--gear-direction", choices=("motion", "cw", "ccw"), default="motion",
+    truth.add_argument("--gear-direction", choices=CHOICES["gear_direction"],
+                       default=CHOICES["gear_direction"][0],
                        help="gear tables of the direction of motion, or one throughout, as a plan may assume "
                             "(default %(default)s)")
     truth.add_argument("--damping", metavar="S", type=float, default=None,
@@ -120,32 +130,39 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                          help="at the start and in the end")
 
 
-def simulate(robot: AnyRobot, file: str | Path | None = None, *, measure: str | None = None,
-             effects: str | Sequence[str] = (), seed: int = DEFAULT_SEED, threads: int | None = None,
-             progress: Progress = SILENT, **options: Any) -> CommandResult:
+@command
+def simulate(robot: AnyRobot, file: AnyTable | None = None, *, measure: str | None = None,
+             compare: str | Path | None = None, effects: str | Sequence[str] = (),
+             deviation: float | None = None, frames: Literal["random", "declared"] = "random",
+             quasi_static: bool = False, gear_direction: str = CHOICES["gear_direction"][0],
+             damping: float | None = None, engine: Literal["own", "pinocchio"] | None = None, count: int = 63,
+             visits: int = 1, contact: str = "socket", places: int = 3, orientation: bool = False,
+             joint: int | Sequence[int] | None = None, torques: float | None = None,
+             speed: float | Sequence[float] | None = None, repeats: int = 2, in_motion: bool = False,
+             runs: int = 3, seconds: float = 10.0, rate_hz: float | None = None, noise: float | None = None,
+             counts: int | None = None, wrong_rows: float = 0.0, temperature: Sequence[float] | None = None,
+             seed: int = DEFAULT_SEED, threads: int | None = None,
+             progress: Progress = SILENT) -> CommandResult:
     """Plays a trajectory or measures poses, gears and motions on a virtual robot; `result.data` are the
     measured rows.
 
-    file: trajectory.csv to play or poses.csv to measure. effects: hidden causes in words. options: those of
-    `exactarm simulate --help` with their names (deviation=1, count=80, noise=2e-5, counts=0, rate_hz=250,
-    compare="line", ...).
+    file: a trajectory to play or poses to measure, a file or a table. measure: poses, gear, motion, closures
+    or tracked (None: tracked for a trajectory, else poses). compare: plays rigid motions and exactarm's along
+    a path instead. effects, deviation: hidden causes in words, random errors of what is declared. noise: in
+    m, rad, rad/s or Nm; temperature: at the start and in the end, in degrees C; speed: of gear runs, in
+    deg/s. `exactarm simulate --help` says more of each.
 
         >>> import exactarm as ea
         >>> made = ea.simulate("ur10", count=30, effects=["base_compliance rad_per_Nm=1e-6"])
         >>> len(made.data), made.data.kind
         (30, 'poses')
     """
-    hidden = [effects] if isinstance(effects, str) else list(effects)
-    given = {"measure": measure, "effect": hidden, "seed": seed, "threads": threads_of(threads),
-             "progress": progress}
-    arguments = arguments_of(add_arguments, robot_of(robot), [] if file is None else [file], options,
-                             apart=("measure", "effect"))
-    vars(arguments).update(given)
-    made = run(arguments)
-    read = sources([file] if file is not None else [])
-    told = {"measure": measure, "effects": ["..."] if effects else []} | options
-    called = asked("simulate", robot, None, seed, told, {"measure": None, "effects": []})
-    return made.asked_as(replace(called, files=called.files + read))
+    options = changed_options(simulate, locals())
+    tables = [] if file is None else [table_of(file, 1)]
+    arguments = arguments_of(add_arguments, robot_of(robot), tables, options)
+    vars(arguments).update(seed=seed, threads=threads_of(threads), progress=progress)
+    told = options | ({"effects": ["..."]} if "effects" in options else {})
+    return run(arguments).asked_as(asked("simulate", robot, tables, seed, told))
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:

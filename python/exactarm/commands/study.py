@@ -17,7 +17,16 @@ from typing import Any
 import numpy as np
 
 from exactarm.commands.arguments import add_robot
-from exactarm.commands.call import AnyRobot, arguments_of, asked, robot_of, threads_of
+from exactarm.commands.call import (
+    AnyRobot,
+    arguments_of,
+    asked,
+    changed_options,
+    command,
+    files_of,
+    robot_of,
+    threads_of,
+)
 from exactarm.commands.compare import BETWEEN, Motion, play
 from exactarm.commands.output import PICTURES
 from exactarm.commands.result import CommandResult
@@ -54,15 +63,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
                         help="samples a second (default: that of the path)")
 
 
-def study(robot: AnyRobot, paths: str | Path | Sequence[str | Path], *, seed: int = DEFAULT_SEED,
-          threads: int | None = None, progress: Progress = SILENT, **options: Any) -> CommandResult:
+@command
+def study(robot: AnyRobot, paths: str | Path | Sequence[str | Path], *, nu: Sequence[float] | None = None,
+          rate_hz: float | None = None, seed: int = DEFAULT_SEED, threads: int | None = None,
+          progress: Progress = SILENT) -> CommandResult:
     """Plans with several weights of the input: accuracy against bandwidth. Nothing in it is random: `seed` is
     recorded.
 
-    paths: path files (.toml), or line, spiral. options: nu=[1e-14, 1e-10], rate_hz=250.
+    paths: path files (.toml), or line, spiral. nu: the weights (None: 1e-14 to 1e-6, a decade each); rate_hz:
+    samples a second (None: that of the path).
     """
-    named = [str(path) for path in ([paths] if isinstance(paths, (str, Path)) else paths)]
-    arguments = arguments_of(add_arguments, robot_of(robot), named, options, apart=("paths",))
+    options = changed_options(study, locals())
+    named = [str(path) for path in files_of(paths, "path files, line or spiral")]
+    arguments = arguments_of(add_arguments, robot_of(robot), named, options)
     vars(arguments).update(seed=seed, threads=threads_of(threads), progress=progress)
     called = asked("study", robot, None, seed, {"paths": named} | options)
     return run(arguments).asked_as(called)

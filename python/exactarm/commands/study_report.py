@@ -198,7 +198,9 @@ def _figures(robot: Robot, path: str, kinds: Study) -> list[Figure]:
          partial(spectra_per_axis, _spectrum(robot, cases[0])[0],
                                   {f"{kind} as the input": _spectrum(robot, kinds[kind][0])[1]
                                    for kind in _INPUTS}))]
-    return [Figure(f"{name}_{path}", f"{path.capitalize()}: {heading}", draw, caption, heading)
+    main = {"spectrum": axis, "jerk": axis, "errors": 2}  # of the position
+    return [Figure(f"{name}_{path}", f"{path.capitalize()}: {heading}", draw, caption, heading,
+                   main=main.get(name, 0))
             for name, heading, caption, draw in build]
 
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from exactarm.compensate import fanuc_tp, inform, joint_trajectory, krl, rapid, target_table, urscript
 from exactarm.compensate.collector import collector_at_rest
@@ -15,6 +16,7 @@ from exactarm.compensate.rapid_data import linked
 from exactarm.compensate.setting import Setting
 from exactarm.errors import InputError
 from exactarm.files.free_memory import GIGABYTE, SHARE, free_bytes
+from exactarm.files.memory_table import MemoryTable
 from exactarm.robot.controller_frames import FOR_THE_REAL_ARM
 
 BYTES_A_BYTE = 70  # memory of a program; measured of 60,000 targets: 28 (Fanuc TP) to 69 (INFORM)
@@ -26,7 +28,7 @@ class Job:
     """The files of one program, and the module that reads its dialect."""
 
     dialect: ModuleType
-    paths: tuple[Path, ...]
+    paths: tuple[Path | MemoryTable, ...]
 
     @collector_at_rest()
     def read(self, setting: Setting) -> Program:
@@ -58,10 +60,10 @@ def _within_memory(sources: Sequence[SourceText]) -> None:
             "each part its --start", file=sources[0].path)
 
 
-def jobs(paths: Sequence[Path]) -> list[Job]:
-    """One for each program. Raises InputError for an unknown ending, a name given twice."""
-    seen: dict[str, Path] = {}
-    groups: dict[tuple[str, str], list[Path]] = {}
+def jobs(paths: Sequence[Path | MemoryTable]) -> list[Job]:
+    """One for each program or table. Raises InputError for an unknown ending, a name given twice."""
+    seen: dict[str, Path | MemoryTable] = {}
+    groups: dict[tuple[str, str], list[Any]] = {}
     for path in paths:
         if path.name in seen:
             raise InputError(
@@ -71,13 +73,13 @@ def jobs(paths: Sequence[Path]) -> list[Job]:
             )
         seen[path.name] = path
         dialect = dialect_of(path)
-        pair = len(dialect.SUFFIXES) > 1 and dialect is krl
+        pair = dialect is krl
         groups.setdefault(
             (dialect.NAME, str(path.with_suffix("")).lower() if pair else str(path)), []
         ).append(path)
     by_name = {dialect.NAME: dialect for dialect in DIALECTS}
     made = [
-        Job(by_name[name], tuple(sorted(group, key=lambda path: path.suffix.lower() != ".src")))
+        Job(by_name[name], tuple(sorted(group, key=lambda path: not path.name.lower().endswith(".src"))))
         for (name, _), group in groups.items()
         if name != rapid.NAME
     ] + _modules([path for (name, _), group in groups.items() if name == rapid.NAME for path in group])
@@ -92,7 +94,9 @@ def _modules(paths: Sequence[Path]) -> list[Job]:
     return [Job(rapid, tuple(paths[i] for i in group)) for group in linked(sources)]
 
 
-def dialect_of(path: Path) -> ModuleType:
+def dialect_of(path: Path | MemoryTable) -> ModuleType:
+    if isinstance(path, MemoryTable):
+        return target_table
     for dialect in DIALECTS:
         if path.suffix.lower() in dialect.SUFFIXES:
             return dialect

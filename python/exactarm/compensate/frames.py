@@ -26,6 +26,7 @@ from exactarm.compensate.law import CompensationModel
 from exactarm.data.dataset import read_dataset
 from exactarm.data.kinds import POSES
 from exactarm.errors import InputError
+from exactarm.files.memory_table import AnyFile, MemoryTable
 from exactarm.numerics.rotation import exp, log, skew
 from exactarm.robot.robot import Placement, Robot
 
@@ -47,8 +48,8 @@ class CellFrames:
     warnings: tuple[str, ...] = ()
 
 
-def cell_frames(robot: Robot, choice: str, tip: Placement, threads: int = 1) -> CellFrames:
-    """choice: "nominal", "identified" or a file of points; tip: of the tool that touched them, in the
+def cell_frames(robot: Robot, choice: AnyFile, tip: Placement, threads: int = 1) -> CellFrames:
+    """choice: "nominal", "identified" or a table of points; tip: of the tool that touched them, in the
     flange."""
     if choice == "nominal":
         return CellFrames(
@@ -73,7 +74,7 @@ def cell_frames(robot: Robot, choice: str, tip: Placement, threads: int = 1) -> 
                 "tell more (--frames POINTS.csv)."
             ),
         )
-    return _by_points(robot, Path(choice), tip, threads)
+    return _by_points(robot, choice if isinstance(choice, MemoryTable) else Path(choice), tip, threads)
 
 
 def _closest(robot: Robot, threads: int) -> tuple[Placement, Placement]:
@@ -98,7 +99,7 @@ def _closest(robot: Robot, threads: int) -> tuple[Placement, Placement]:
     return base, flange
 
 
-def _by_points(robot: Robot, path: Path, tip: Placement, threads: int) -> CellFrames:
+def _by_points(robot: Robot, path: Path | MemoryTable, tip: Placement, threads: int) -> CellFrames:
     data = read_dataset(path, robot, POSES.name)
     if (
         len(data) < LEAST_POINTS

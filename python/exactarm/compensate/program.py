@@ -24,6 +24,7 @@ import numpy as np
 from exactarm.compensate.flange_poses import Poses
 from exactarm.errors import InputError
 from exactarm.files.file_bytes import file_bytes
+from exactarm.files.memory_table import MemoryTable
 from exactarm.robot.robot import Placement
 
 NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
@@ -203,7 +204,7 @@ class Program:
 class SourceText:
     """The bytes of a file and the same as text, one letter a byte."""
 
-    path: Path
+    path: Path | MemoryTable
     content: bytes
 
     @staticmethod

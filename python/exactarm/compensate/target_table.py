@@ -32,6 +32,7 @@ from exactarm.data.columns import PAYLOAD, PAYLOAD_CENTRE
 from exactarm.data.dataset import Dataset, read_named_targets
 from exactarm.errors import InputError
 from exactarm.files.csv_dialect import Dialect, dialect_of, header_start, split_header
+from exactarm.files.memory_table import AnyFile, MemoryTable
 from exactarm.files.whole_number import whole_number
 from exactarm.robot.controller_frames import base_in_device, target_on_flange
 from exactarm.robot.mdh_frames import relative
@@ -40,8 +41,10 @@ from exactarm.robot.robot import Placement, Robot
 NAME, SUFFIXES = "table", (".csv", ".parquet", ".pq")
 
 
-def load(path: str | Path) -> SourceText:
+def load(path: AnyFile) -> SourceText:
     """The bytes of a table; a file that is none is refused by `read`."""
+    if isinstance(path, MemoryTable):
+        return SourceText(path, path.parquet)
     try:
         return SourceText(Path(path), Path(path).read_bytes())
     except OSError as error:
@@ -219,7 +222,7 @@ def _table(source: SourceText) -> pa.Table:
 
 
 def _is_parquet(source: SourceText) -> bool:
-    return source.path.suffix.lower() in (".parquet", ".pq")
+    return isinstance(source.path, MemoryTable) or source.path.suffix.lower() in (".parquet", ".pq")
 
 
 def _name(robot: Robot, index: int) -> str:
@@ -305,6 +308,12 @@ def _cells(commands: np.ndarray, decimal: str) -> Iterator[list[bytes]]:
 
 def _parquet(source: SourceText) -> pa.Table:
     return pa.parquet.read_table(pa.BufferReader(source.content))
+
+
+def columns_of(content: bytes) -> dict[str, np.ndarray]:
+    """Of a table that was written as Parquet."""
+    table = pa.parquet.read_table(pa.BufferReader(content))
+    return {name: table.column(name).to_numpy() for name in table.column_names}
 
 
 def _write_parquet(source: SourceText, setting: Setting, new_rows: _Written) -> bytes:

@@ -49,10 +49,11 @@ from exactarm.data.rows import NO_CONTACT, Rows, Source, by_name
 from exactarm.data.sensor_rows import with_sensors
 from exactarm.data.split import pose_split, run_split, split_rule
 from exactarm.errors import InputError
-from exactarm.files.memory_table import MemoryTable
+from exactarm.files.memory_table import AnyFile, MemoryTable
 from exactarm.files.table import Table, column_names, read_table, write_table
 from exactarm.robot.robot import Robot
 
+AnyFiles = AnyFile | Sequence[AnyFile]
 _EPOCH_S = 1e8  # three years: nobody measures so long
 _ROBOT_FILES = (".toml", ".urdf", ".xacro")
 QUATERNION_NORM_TOLERANCE = 0.01  # three decimals per component pass, a wrong column does not
@@ -80,13 +81,13 @@ class Dataset(Rows):
         return split_rule(self, fraction)
 
 
-def read_dataset(paths: str | Path | Sequence[str | Path | MemoryTable], robot: Robot,
+def read_dataset(paths: AnyFiles, robot: Robot,
                  kind: str | None = None, fixture: Fixture = Fixture(),
                  columns: Mapping[str, str] | None = None) -> Dataset:
     """One data set from files measured on `robot`. `kind` overrides what the columns say. columns: the files'
     names -> ours, as {"J1": "q_1_deg"}. The order in which several are given means nothing: they are read in
     that of their names. Raises InputError."""
-    paths = [paths] if isinstance(paths, (str, Path)) else sorted(paths, key=by_name)
+    paths = _in_order(paths)
     if not paths:
         raise InputError("no data file given; expected at least one CSV or Parquet file")
     for path in paths:
@@ -101,48 +102,51 @@ def read_dataset(paths: str | Path | Sequence[str | Path | MemoryTable], robot: 
     return without_copies(dataset)
 
 
+def _in_order(paths: AnyFiles) -> list[AnyFile]:
+    return [paths] if isinstance(paths, (str, Path, MemoryTable)) else sorted(paths, key=by_name)
+
+
 def _since_the_start(time: np.ndarray) -> np.ndarray:
     """Of a clock that counts from 1970 or so: a float of 1.8e9 s knows no less than 0.24 us, which rates
     of fast logs feel."""
     return time - np.floor(time.min()) if time.size and time.min() > _EPOCH_S else time
 
 
-def read_planned_poses(paths: str | Path | Sequence[str | Path], robot: Robot) -> Dataset:
+def read_planned_poses(paths: AnyFiles, robot: Robot) -> Dataset:
     """Poses that need not have been measured: a design, commands. As `read_dataset`, without x, y, z."""
     dataset = read_targets(paths, robot)
     check_joints(dataset, robot)
     return dataset
 
 
-def read_targets(paths: str | Path | Sequence[str | Path], robot: Robot,
+def read_targets(paths: AnyFiles, robot: Robot,
                  columns: Mapping[str, str] | None = None) -> Dataset:
     """Poses that are to be reached: joint angles, or x, y, z, or both. columns: as in `read_dataset`."""
-    paths = [paths] if isinstance(paths, (str, Path)) else sorted(paths, key=by_name)
-    files = [_read_file(str(path), robot, columns) for path in paths]
+    files = [_read_file(path, robot, columns) for path in _in_order(paths)]
     _check_files(files)
     return replace(_join(files, robot), kind=POSES.name, kinds=(POSES.name,))
 
 
-def read_named_targets(path: str | Path, robot: Robot,
+def read_named_targets(path: AnyFile, robot: Robot,
                        columns: Mapping[str, str] | None = None) -> tuple[Dataset, list[str]]:
     """`read_targets` of one file, and its column `name`; empty where it has none. Other columns of words are
     left out."""
     try:
-        file = _read_file(str(path), robot, columns, ("name",))
+        file = _read_file(path, robot, columns, ("name",))
     except InputError:
         ours = renamed(column_names(path), columns or {}, str(path))
         words = [name for name in ours if parse_column(name, str(path)).quantity == "covariate"
                  and name not in (PAYLOAD, *PAYLOAD_CENTRE)]
-        file = _read_file(str(path), robot, columns, ("name", *words))
+        file = _read_file(path, robot, columns, ("name", *words))
     _check_files([file])
     data = replace(_join([file], robot), kind=POSES.name, kinds=(POSES.name,))
     return data, file.text.get("name", [])
 
 
-def read_joint_log(path: str | Path, robot: Robot, columns: Mapping[str, str] | None = None,
+def read_joint_log(path: AnyFile, robot: Robot, columns: Mapping[str, str] | None = None,
                    text: Sequence[str] = ()) -> tuple[Dataset, dict[str, list[str]]]:
     """Joint angles without measured positions, and the columns of text named in `text`, by our names."""
-    file = _read_file(str(path), robot, columns, text)
+    file = _read_file(path, robot, columns, text)
     data = replace(_join([file], robot), kind=POSES.name, kinds=(POSES.name,))
     if data.position is not None:
         raise InputError("holds x, y, z already; expected joint angles alone", file=path, column="x")
@@ -231,7 +235,7 @@ class _File:
         return RowMarks.of(np.stack(place, 1) if len(place) == len(POSITION) else None)
 
 
-def _read_file(source: str | Path | MemoryTable, robot: Robot, given: Mapping[str, str] | None = None,
+def _read_file(source: AnyFile, robot: Robot, given: Mapping[str, str] | None = None,
                text: Sequence[str] = ()) -> _File:
     prismatic = frozenset(i for i, joint in enumerate(robot.joints, start=1) if joint.type == "prismatic")
     words = {*text, *(theirs for theirs, ours in (given or {}).items() if ours in text)}

@@ -33,6 +33,7 @@ from exactarm.data.columns import LENGTH, MOST, POSITION, parse_column
 from exactarm.errors import InputError
 from exactarm.files.csv_dialect import Dialect
 from exactarm.files.file_bytes import file_bytes
+from exactarm.files.memory_table import AnyFile, MemoryTable
 
 UNITS = LENGTH | {"in": 0.0254}
 DELIMITERS = (";", "\t", ",", " ")  # in this order: a point of a semicolon file may hold decimal commas
@@ -64,7 +65,7 @@ class Points:
     extras: dict[str, np.ndarray]
     told: tuple[str, ...]
 
-    def of_groups(self, wanted: Sequence[str], path: str | Path) -> Points:
+    def of_groups(self, wanted: Sequence[str], path: AnyFile) -> Points:
         """The points of these groups; of all without any."""
         missing = next((group for group in wanted if group not in self.groups), None)
         if missing is not None:
@@ -88,11 +89,11 @@ class _Rows:
     dialect: Dialect
 
 
-def read_points(path: str | Path, unit: str | None = None, layout: str | None = None,
+def read_points(path: AnyFile, unit: str | None = None, layout: str | None = None,
                 columns: Mapping[str, str] | None = None) -> Points:
-    """Points of one file. unit: of x, y, z where the header has none; layout: names of the columns, as
-    "group,name,x,y,z" (`-`: not wanted); columns: the header's names -> ours."""
-    rows = _rows(path, _text(path))
+    """Points of one file, or of a table in memory. unit: of x, y, z where the header has none; layout: names
+    of the columns, as "group,name,x,y,z" (`-`: not wanted); columns: the header's names -> ours."""
+    rows = _read(path)
     names, where = _columns(path, rows, layout, columns or {})
     number = lambda i: _numbers(path, rows, i, names[i])
     axes = [_axis_of(name) for name in names]
@@ -113,9 +114,15 @@ def read_points(path: str | Path, unit: str | None = None, layout: str | None = 
     return Points(found, groups, np.array(rows.lines), position, extras, tuple(told))
 
 
-def header_names(path: str | Path) -> list[str]:
+def header_names(path: AnyFile) -> list[str]:
     """Names in the header of a file of points; empty where it has none."""
-    return [cell.strip() for cell in _rows(path, _text(path)).header or []]
+    return [cell.strip() for cell in _read(path).header or []]
+
+
+def _read(path: AnyFile) -> _Rows:
+    if isinstance(path, MemoryTable):
+        return _Rows(path.texts, list(range(1, path.rows + 1)), path.names, [], Dialect(",", "."))
+    return _rows(path, _text(path))
 
 
 def _text(path: str | Path) -> str:
@@ -190,7 +197,7 @@ def _count(cells: Sequence[str]) -> int:
     return sum(map(_is_number, cells))
 
 
-def _numbers(path: str | Path, rows: _Rows, index: int, name: str) -> np.ndarray:
+def _numbers(path: AnyFile, rows: _Rows, index: int, name: str) -> np.ndarray:
     values = np.empty(len(rows.cells))
     for k, cells in enumerate(rows.cells):
         cell = rows.dialect.plain(cells[index])
@@ -204,7 +211,7 @@ def _numbers(path: str | Path, rows: _Rows, index: int, name: str) -> np.ndarray
 
 
 # -- which column is what ----------------------------------------------------------------------------------
-def _columns(path: str | Path, rows: _Rows, layout: str | None,
+def _columns(path: AnyFile, rows: _Rows, layout: str | None,
              given: Mapping[str, str]) -> tuple[list[str], str]:
     """Our name of every column, SKIP where it is not wanted; and where the names come from."""
     width = len(rows.cells[0])
@@ -257,7 +264,7 @@ def _from_polar(names: Sequence[str], number: Callable[[int], np.ndarray]) -> np
     return found["distance"][:, None] * direction
 
 
-def _by_content(path: str | Path, rows: _Rows) -> list[str]:
+def _by_content(path: AnyFile, rows: _Rows) -> list[str]:
     """Names first, then exactly three numbers."""
     width = len(rows.cells[0])
     texts = [i for i in range(width) if not all(_is_number(cells[i]) for cells in rows.cells)]
@@ -274,7 +281,7 @@ def _axis_of(name: str) -> str | None:
     return match[1].lower() if match else None
 
 
-def _factors(path: str | Path, names: Sequence[str], unit: str | None) -> dict[str, float]:
+def _factors(path: AnyFile, names: Sequence[str], unit: str | None) -> dict[str, float]:
     """Axis -> factor to m."""
     factors = {}
     for name in names:

@@ -10,7 +10,6 @@ with two, a column that the data have already or that is measured row by row.
 """
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -18,10 +17,11 @@ from exactarm.data.column_checks import check_size
 from exactarm.data.columns import PAYLOAD, parse_column
 from exactarm.data.dataset import Dataset
 from exactarm.errors import InputError
+from exactarm.files.memory_table import AnyFile
 from exactarm.files.table import read_table
 
 
-def with_sessions(data: Dataset, path: str | Path) -> Dataset:
+def with_sessions(data: Dataset, path: AnyFile) -> Dataset:
     """The data with the columns of the table at `path` as covariates. Raises InputError."""
     table = read_table(path, may_be_empty=lambda names: {PAYLOAD} & set(names))
     if "session" not in table.columns:

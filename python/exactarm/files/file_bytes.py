@@ -6,7 +6,15 @@ import os
 import stat
 from pathlib import Path
 
+from exactarm.errors import InputError
 from exactarm.files.free_memory import GIGABYTE, SHARE, free_bytes
+
+
+def path_of(path: object, expected: str) -> Path:
+    """The path that is given; what names no file is refused, as a table in memory."""
+    if not isinstance(path, (str, os.PathLike)):
+        raise InputError(f"a {type(path).__name__} is no file; expected {expected}")
+    return Path(path)
 
 
 def file_bytes(path: str | Path) -> bytes:

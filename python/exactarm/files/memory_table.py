@@ -1,5 +1,6 @@
 """A table in memory in place of a file: a pandas DataFrame, what turns into one (polars, Arrow), or a
-mapping of names to arrays. `read_table` reads it as strictly as a file; str(table) is its label."""
+mapping of names to arrays. `read_table` reads it as strictly as a file. str(table) is its label, repr(table)
+the variable that a call has in its place."""
 
 from __future__ import annotations
 
@@ -7,6 +8,7 @@ import hashlib
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,8 +35,9 @@ class MemoryTable:
     values: list[np.ndarray]
 
     @classmethod
-    def of(cls, data: Any, number: int) -> MemoryTable:
-        label = _LABEL.format(number)
+    def of(cls, data: Any, which: int | str) -> MemoryTable:
+        """which: its place among several, from 1, or the name of the argument."""
+        label = _LABEL.format(which)
         data = data.to_pandas() if hasattr(data, "to_pandas") else data
         given = list(data) if isinstance(data, Mapping) else list(data.columns)
         columns = ([data[name] for name in given] if isinstance(data, Mapping)
@@ -59,13 +62,52 @@ class MemoryTable:
             digest.update(f"{name}\0{column.dtype.str}\0{len(cells)}\0".encode() + cells)
         return digest.hexdigest()
 
+    @property
+    def name(self) -> str:
+        """As a path has it."""
+        return self.label
+
+    @property
+    def parquet(self) -> bytes:
+        """The same table as the content of a Parquet file; what is no number as text."""
+        import pyarrow as pa
+        import pyarrow.parquet
+
+        texts = lambda column: list(map(cell_text, column.tolist()))
+        cells = lambda column: column if column.dtype.kind in "biuf" else texts(column)
+        stream = pa.BufferOutputStream()
+        pa.parquet.write_table(pa.table({name: pa.array(cells(column), from_pandas=True)
+                                         for name, column in zip(self.names, self.values)}), stream)
+        return stream.getvalue().to_pybytes()
+
+    @property
+    def texts(self) -> list[list[str]]:
+        """Its rows, each cell as a CSV file would hold it."""
+        return [list(row) for row in zip(*(map(cell_text, column.tolist()) for column in self.values))]
+
+    @property
+    def rows(self) -> int:
+        return len(self.values[0]) if self.values else 0
+
     def __str__(self) -> str:
         return self.label
+
+    def __repr__(self) -> str:
+        return variable_of(self.label) or self.label
+
+
+AnyFile = str | Path | MemoryTable  # of a table
+
+
+def cell_text(value: object) -> str:
+    """As a CSV file would hold it; None and NaN, in whichever way pandas has them, are empty cells."""
+    missing = value is None or str(value) in ("<NA>", "NaT", "nan")
+    return "" if missing else str(value)
 
 
 def variable_of(label: str) -> str | None:
     """`table_1` of the label of a table in memory, as a call has it; None of a file."""
-    found = re.fullmatch(_LABEL.format(r"(\d+)"), label)
+    found = re.fullmatch(_LABEL.format(r"(\w+)"), label)
     return found and f"table_{found[1]}"
 
 

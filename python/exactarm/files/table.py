@@ -27,7 +27,7 @@ from exactarm.files.csv_dialect import Dialect, dialect_of, header_start, split_
 from exactarm.files.examples import meant_example
 from exactarm.files.file_bytes import file_bytes
 from exactarm.files.free_memory import GIGABYTE, SHARE, free_bytes
-from exactarm.files.memory_table import MemoryTable
+from exactarm.files.memory_table import MemoryTable, cell_text
 
 LARGEST_NUMBER = 1e30  # its square and the square's sum over all rows are still numbers
 _COPIES = 2.0  # of a Parquet file's numbers: Arrow's, and the table's
@@ -67,8 +67,10 @@ def read_table(path: str | Path | MemoryTable, text: Collection[str] = (),
     return Table(columns, sha256, arrow.num_rows)
 
 
-def column_names(path: str | Path) -> list[str]:
+def column_names(path: str | Path | MemoryTable) -> list[str]:
     """The names in the header of a table."""
+    if isinstance(path, MemoryTable):
+        return path.names
     content = _read_bytes(path)
     if _is_parquet(path):
         return parquet_table(path, content).column_names
@@ -295,18 +297,12 @@ def _memory(table: MemoryTable, text: Collection[str], may_be_empty: Callable) -
     columns = {}
     for name, values in zip(table.names, table.values, strict=True):
         if name in text or values.dtype.kind not in "biuf":
-            cells = pa.chunked_array([pa.array([_cell(value) for value in values], pa.string())])
+            cells = pa.chunked_array([pa.array([cell_text(value) for value in values], pa.string())])
             columns[name] = cells if name in text else pa.chunked_array([pa.array(
                 _numbers(table.label, name, cells, name in gaps, _PLAIN), pa.float64())])
         else:
             columns[name] = pa.chunked_array([pa.array(values.astype(float))])
     return pa.table(columns)
-
-
-def _cell(value: object) -> str:
-    """As a CSV file would hold it; None and NaN, in whichever way pandas has them, are empty cells."""
-    missing = value is None or str(value) in ("<NA>", "NaT", "nan")
-    return "" if missing else str(value)
 
 
 # -- all ---------------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from exactarm.errors import InputError
-from exactarm.files.file_bytes import file_text
+from exactarm.files.file_bytes import file_text, path_of
 
 DEEPEST = 32  # tables within tables; a robot file has four, a record of records of commands some more
 LARGEST_WHOLE = 2**63 - 1  # what TOML promises to hold
@@ -21,6 +21,7 @@ LARGEST_WHOLE = 2**63 - 1  # what TOML promises to hold
 
 def read_toml(path: str | Path, expected: str) -> dict[str, Any]:
     """The tables of a file; `expected` says what the caller wanted, for the messages."""
+    path_of(path, expected)
     try:
         tables = tomllib.loads(file_text(path))
     except FileNotFoundError:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from exactarm.errors import InputError
+from exactarm.files.file_bytes import path_of
 from exactarm.files.toml_file import fits_shape, is_number, read_toml
 from exactarm.plan.reference import Curve, Line, Points, Reference, Spiral, sample_reference
 
@@ -61,8 +62,10 @@ def shipped_paths() -> tuple[str, ...]:
 
 def load_path(name_or_path: str | Path) -> PlannedPath:
     """The path of that shipped name, or of that `.toml` file."""
-    file = SHIPPED / f"{name_or_path}.toml" if str(name_or_path) in shipped_paths() else Path(name_or_path)
-    table = read_toml(file, f"a path file (.toml) or one of {', '.join(shipped_paths())}")
+    expected = f"a path file (.toml) or one of {', '.join(shipped_paths())}"
+    path = path_of(name_or_path, expected)
+    file = SHIPPED / f"{name_or_path}.toml" if str(name_or_path) in shipped_paths() else path
+    table = read_toml(file, expected)
     return _Reader(name_or_path, table).path(file.stem)
 
 

@@ -75,7 +75,7 @@ class Figure:
     The name also becomes part of ids and of a path, so of what it was made from (a path file's name, a
     column's) only letters, digits, `_` and `-` are kept.
     panel: draws it on given axes, for a plot of one panel. Both are partial functions of arrays, so that a
-    report can be pickled.
+    report can be pickled. main: of several panels the most telling one, which given axes take.
     """
 
     name: str
@@ -84,6 +84,7 @@ class Figure:
     caption: str
     alt: str
     panel: Callable[[Axes], None] | None = None
+    main: int = 0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "name", re.sub(r"[^\w-]", "_", self.name)[:LONGEST_NAME] or "figure")
