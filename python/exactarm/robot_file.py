@@ -222,9 +222,6 @@ class _Reader:
 
     def check_joint(self, fields: Mapping[str, Any], kind: str, where: str) -> None:
         names = {key.field: where + key.name(kind) for key in JOINT_KEYS}
-        if fields.get("beta") is not None and fields.get("d"):
-            raise self.refuse(names["d"], f"{fields['d']:g} beside beta_rad; expected none, a frame with "
-                                          "beta has no d")
         if fields.get("q_min", -math.inf) >= fields.get("q_max", math.inf):
             raise self.refuse(names["q_max"], f"{fields['q_max']:g}; expected more than {fields['q_min']:g}, "
                                               "the minimum")

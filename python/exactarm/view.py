@@ -18,7 +18,7 @@ import numpy as np
 from exactarm import _core
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import Device, Kind, kind_of
-from exactarm.data.kinds.base import STANDS_STILL, rows_of_runs
+from exactarm.data.kinds.base import moving_axes, rows_of_runs
 from exactarm.numerics.signals import order_of_sampling
 from exactarm.rest_load import RestLoad
 from exactarm.robot.robot import Placement, Robot
@@ -165,7 +165,7 @@ class View:
     def moving(self) -> np.ndarray:
         """(n,) axes that move in these data; all that do not rest, for poses."""
         span = np.ptp(self.theta, axis=0) / np.abs(self.robot.ratios) if self.rows else np.zeros(self.axes)
-        return span > (STANDS_STILL * max(span.max(), 1e-12) if self.is_series else 0.0)
+        return moving_axes(self.robot, span) if self.is_series else span > 0.0
 
     @property
     def folded(self) -> np.ndarray:

@@ -9,7 +9,7 @@ from exactarm import _core
 from exactarm.commands.diagnose import _json
 from exactarm.data.dataset import read_dataset
 from exactarm.diagnose.diagnosis import diagnose
-from exactarm.diagnose.verdict import EXPLAINED, NOTHING
+from exactarm.diagnose.verdict import EXPLAINED, NOTHING, UNEXPLAINED
 from exactarm.effects.payload import Payload
 from exactarm.files.examples import data_path
 from exactarm.identify.dynamics import identify_dynamics, inertia_was_estimated
@@ -73,6 +73,15 @@ def test_names_a_torque_that_repeats_with_the_output_and_not_with_the_motor(race
     assert result.verdict == EXPLAINED
     assert finding.effect.values[0] == pytest.approx(24.0 / racer.ratios[3], rel=5e-3)
     assert np.hypot(*finding.effect.values[1:]) == pytest.approx(1.0, rel=0.2)
+
+
+@pytest.mark.slow
+def test_a_cable_that_pulls_by_the_angle_is_no_friction_and_no_spring(racer):
+    """What no effect of the library is: two of them together imitate it (1.00 each without rivals)."""
+    drag = lambda angle, rate, acceleration: 8.0 * np.tanh(4.0 * (angle - 0.2)) * (np.arange(6) == 4)
+    result = diagnose(racer, motion(racer, drag))
+    assert result.verdict == UNEXPLAINED and "axis 5 follows the angle of axis 5" in result.sentence
+    assert all(finding.probability < 0.5 for finding in result.findings)
 
 
 @pytest.mark.slow

@@ -76,7 +76,7 @@ def test_nearly_parallel_axes_are_dropped_by_the_noise_only():
 
 def test_deviations_are_those_of_least_squares():
     robot = racer_like(hayati=False)
-    jacobian, layout, result = analyse(robot, sigma=2e-4, plausible=[10.0] * 39)
+    jacobian, layout, result = analyse(robot, sigma=2e-4, plausible=[10.0] * 40)
     kept = jacobian[:, result.kept]
     expected = 2e-4 * np.sqrt(np.diag(np.linalg.inv(kept.T @ kept)))
     np.testing.assert_allclose(result.sigma_parameter[result.kept], expected, rtol=1e-8)
@@ -87,8 +87,8 @@ def test_weights_scale_the_rows():
     jacobian, layout = stacked_jacobian(robot, random_joints(robot, 100, 3))
     names = layout.names
     doubled = select_identifiable(jacobian, names, weights=np.full(300, 2.0), sigma=2e-4,
-                                  plausible=[10.0] * 39)
-    plain = select_identifiable(jacobian, names, sigma=1e-4, plausible=[10.0] * 39)
+                                  plausible=[10.0] * 40)
+    plain = select_identifiable(jacobian, names, sigma=1e-4, plausible=[10.0] * 40)
     np.testing.assert_allclose(doubled.sigma_parameter, plain.sigma_parameter, rtol=1e-9)
 
 

@@ -190,7 +190,6 @@ def test_the_sample_is_valid(tmp_path):
         ("alpha_rad = 0.5", "alpha = 0.5", ["joints[1].alpha:", "expected alpha_rad"]),
         ("alpha_rad = 0.5", "alpha_rad = 0.5\nalpha_deg = 3", ["joints[1].alpha_deg", "one of the two"]),
         ("alpha_rad = 0.5", "sign = 2", ["joints[1].sign", "1 or -1"]),
-        ("alpha_rad = 0.5", "beta_rad = 0.0\nd_m = 1.0", ["joints[1].d_m", "has no d"]),
         ("alpha_rad = 0.5", "q_min_rad = 2\nq_max_rad = 1", ["joints[1].q_max_rad", "more than 2"]),
         ("alpha_rad = 0.5", 'type = "ball"', ["joints[1].type", "revolute"]),
         ("alpha_rad = 0.5", "coulomb_Nm = -1", ["joints[1].coulomb_Nm", "0 or above"]),

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm.chain import View
-from exactarm.data.kinds.base import STANDS_STILL
+from exactarm.data.kinds.base import moving_axes
 from exactarm.diagnose.fitted import Fitted
 from exactarm.effects.base import Effect
 from exactarm.robot.robot import Robot
@@ -21,7 +21,7 @@ LEAST_PROBABILITY = 0.5  # of an effect in the model, among all that could stand
 def shown(effects: list[Effect], view: View) -> list[Effect]:
     """Those of no axis, and those of axes that move; waves only where they do not fold back."""
     span = np.ptp(view.theta, axis=0) / np.abs(view.robot.ratios)
-    moves = span > STANDS_STILL * max(float(span.max()), np.finfo(float).tiny)
+    moves = moving_axes(view.robot, span)
     waves = moves & ~view.folded
     return [effect for effect in effects if effect.joint is None
             or (waves if effect.of_waves else moves)[effect.index]]

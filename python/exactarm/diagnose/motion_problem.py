@@ -115,6 +115,8 @@ class MotionProblem(ProblemInTime):
     unit = "Nm"
     kind = MOTION.name
     repeat_source = "white noise of the torque above the band of the motion"
+    unknown_rivals = True
+    unknown_size = 1.0  # Nm: a third of what the library holds plausible of a friction
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
         # without it neither gravity nor inertia: friction alone would be all that is known of the torques

@@ -28,7 +28,6 @@ from exactarm.identify.calibrate import (
 )
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, reestimated_layout
 from exactarm.identify.match import require_match
-from exactarm.identify.missing_tilt import missing_tilts
 from exactarm.identify.pose_fit import PoseFit, fit_poses
 from exactarm.noise.model import NoiseModel
 from exactarm.robot.robot import Robot
@@ -67,9 +66,6 @@ class PoseProblem(ProblemAtRest):
         sigma = np.sqrt(np.mean(sigma.reshape(-1, 3) ** 2, axis=1))
         told, _ = identifiable_layout(self.robot, whole, self.data, self.orientation, sigma, self.threads)
         return Layout(declared.effects, tuple(a | b for a, b in zip(declared.free, told.free)))
-
-    def doubts(self, fitted: Fitted) -> tuple[str, ...]:
-        return missing_tilts(self.robot, fitted.layout, self.data, self.threads)
 
     def fit(self, layout: Layout, weight: np.ndarray | None = None,
             sigma: np.ndarray | None = None) -> Fitted:

@@ -14,7 +14,7 @@ from exactarm.data.dataset import Dataset
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.in_space import InSpace
 from exactarm.diagnose.signal import Direction, Signal, Structure
-from exactarm.diagnose.unknown import unknown_functions
+from exactarm.diagnose.unknown import AMPLITUDE, unknown_functions
 from exactarm.effects.base import Effect
 from exactarm.noise.estimate import estimate_noise
 from exactarm.noise.model import NoiseModel
@@ -30,6 +30,7 @@ class Problem(ABC):
     # whether causes are found by the posterior over sets of them, and effects drafted for what none explains
     by_posterior = False
     unknown_rivals = False  # whether effects found step by step have unknown functions for rivals
+    unknown_size = AMPLITUDE  # plausible size of such a function, in the unit of what is measured
     most_waves_in_time = 0  # that may stand in the place of effects found step by step (wave_in_time.py)
     groups_independent = False  # whether the residuals of different groups of rows are
     numbers_of_error = 1  # of the measurement that make up one judged error: 3 of a position

@@ -28,7 +28,7 @@ from exactarm.diagnose.scan import free_mask, grid, regularised_gain
 from exactarm.diagnose.search import log_prior_of_count
 from exactarm.diagnose.signal import Structure
 from exactarm.diagnose.time_groups import time_groups
-from exactarm.diagnose.unknown import Unknown, unknown_functions
+from exactarm.diagnose.unknown import AMPLITUDE, Unknown, unknown_functions
 from exactarm.diagnose.vocabulary import DESCRIBED, SCALE_WEIGHTS, SCALES, UNKNOWN_MASS, emptied
 from exactarm.effects.base import Effect
 
@@ -92,7 +92,7 @@ def _unknown_weights(problem: Problem, without: Fitted, count: float,
     found, number = [], 0
     for part in (*apart, device):
         for unknown, response, sizes in unknown_functions(signals, part, {}):
-            columns = without.whiten(response)
+            columns = without.whiten(response) * (problem.unknown_size / AMPLITUDE)
             weighed = [_weighed(without, columns, size, count) for size in sizes]
             weights = [weight for weight, _ in weighed]
             left = weighed[int(np.argmax(weights))][1]

@@ -1,6 +1,8 @@
 """Geometry: deviations of the modified Denavit-Hartenberg parameters of one frame (thesis (3.7), E8).
 
-Displacement of the target = identification Jacobian times deviation; a Hayati frame has `beta` and no `d`.
+Displacement of the target = identification Jacobian times deviation; a Hayati frame has `beta` and no `d`
+(but for a d that a calibration has put on record). A frame without `beta` whose axis is (nearly) parallel to
+the next one has it beside `d` all the same: nothing else lets that axis lean, and no arm is made without.
 Values are the parameters themselves, in the robot's tables.
 """
 
@@ -13,6 +15,7 @@ import numpy as np
 from exactarm.data.kinds import WITH_TARGET
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.parameter_id import Group, ParameterId
+from exactarm.robot.mdh_frames import parallel_to_next
 
 _NAMES = ("d_m", "a_m", "alpha_rad", "beta_rad")
 
@@ -35,9 +38,10 @@ class Geometry(Effect):
         """The geometry of frame `index` (from 0) as it stands in the robot's tables."""
         joint = robot.joints[index]
         fields = {"d_m": joint.d, "a_m": joint.a, "alpha_rad": joint.alpha}
-        if joint.beta is not None:
+        if joint.beta is not None and f"d_{index + 1}_m" not in robot.intervals:
             del fields["d_m"]
-            fields["beta_rad"] = joint.beta
+        if joint.beta is not None or (index + 1 < robot.axes and parallel_to_next(joint)):
+            fields["beta_rad"] = joint.beta or 0.0
         return Geometry(index + 1, tuple(fields.values()), tuple(fields))
 
     def parameters(self) -> tuple[Parameter, ...]:

@@ -33,7 +33,6 @@ from exactarm.identify.drawing import FREE, Drawn
 from exactarm.identify.identifiability import Identifiability, select_identifiable, still_axes
 from exactarm.identify.loads import kept_masses, with_loads
 from exactarm.identify.match import require_match
-from exactarm.identify.missing_tilt import missing_tilts
 from exactarm.identify.pose_fit import PoseFit, fit_poses
 from exactarm.identify.reach import reach
 from exactarm.identify.repeats import worth_of_rows
@@ -164,7 +163,6 @@ def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = Calibra
                        after={k: summarise(error_after[mask]) for k, mask in parts.items()},
                        identifiability=identifiability, orientation=orientation,
                        warnings=(*_warnings(fit, train, found), *wild,
-                                 *missing_tilts(robot, fit.layout, train, options.threads),
                                  *_left_over(robot, float(np.sqrt(np.mean(error_after[~apart] ** 2))))),
                        drawn=fit.drawn,
                        payloads=session_payloads(data, fit.layout, fit.fit.interval()))

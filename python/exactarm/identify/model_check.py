@@ -12,8 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.effects.parameter_id import ParameterId
-from exactarm.identify.collision import NEARLY_PARALLEL_RAD, deviation_from_parallel
 from exactarm.identify.identifiability import Dropped, Identifiability, select_identifiable
 from exactarm.robot.robot import Robot
 
@@ -51,7 +49,8 @@ def check_model(robot: Robot, layout: Layout, blocks_of: Callable[[Layout], np.n
     spare = [place[name] for name in full.names if name not in set(layout.names)]
     beside = select(kept + spare, len(kept))
     absent = tuple(entry for entry in beside.dropped if entry.name.symbol == "d")
-    gaps = tuple(Dropped(name, _why_gap(name, robot)) for name in beside.identifiable if place[name] in spare)
+    why = "{} would show in these poses, and no parameter of the model stands for it"
+    gaps = tuple(Dropped(name, why.format(name)) for name in beside.identifiable if place[name] in spare)
     return ModelCheck(result, absent, gaps)
 
 
@@ -63,14 +62,3 @@ def with_all_columns(layout: Layout, robot: Robot) -> Layout:
         effects.append(whole)
         free.append(mask if whole is effect else np.ones(len(whole.values), bool))
     return replace(layout, effects=tuple(effects), free=tuple(free))
-
-
-def _why_gap(p: ParameterId, robot: Robot) -> str:
-    parallel = (
-        p.axis < robot.axes and deviation_from_parallel(robot, p.axis, p.axis + 1) < NEARLY_PARALLEL_RAD)
-    if p.symbol == "beta" and parallel:
-        return (
-            f"axes {p.axis} and {p.axis + 1} are parallel, and frame {p.axis} has no beta: a tilt of axis "
-            f"{p.axis + 1} about y of frame {p.axis} would show in these poses, and no parameter of the "
-            "model stands for it")
-    return f"{p} would show in these poses, and no parameter of the model stands for it"

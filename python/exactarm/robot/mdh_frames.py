@@ -74,6 +74,12 @@ def frame_at_zero(joint: Joint) -> Placement:
     return compose(Placement(rotation_z(joint.zero)), behind_axis(joint))
 
 
+def parallel_to_next(joint: Joint) -> bool:
+    """Whether the axis of the joint and the one that its frame carries are (nearly) parallel."""
+    along = rotation_x(joint.alpha) @ rotation_y(joint.beta or 0.0)[:, 2]
+    return bool(np.hypot(along[0], along[1]) < NEARLY_PARALLEL)
+
+
 def mdh_chain(axes: Sequence[Axis], target: Placement) -> Chain:
     """Frames of the chain with these axes that ends in `target` (at q = 0, in the root frame)."""
     base = _first_frame(axes[0])

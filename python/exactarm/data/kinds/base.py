@@ -26,11 +26,21 @@ from exactarm.robot.robot import Robot
 
 _LEAST_STRETCH = 20  # rows of a series in one set, on average
 STANDS_STILL = 0.02  # an axis moves when its range is more than this share of the largest
+_LEAST_RANGE = 1e-3  # rad, m: where an arm has both kinds of axes, the largest of one kind may stand still
 NEARLY_EQUAL = 0.5  # a step may differ from the median by this share ...
 NEARLY_ALL = 0.9  # ... in this share of all steps, at least: logs lose samples
 LEAST_SAMPLES = 8  # of a run: fewer have no derivative that is more than rounding
 _UNITS = {"rad": ("rad", "deg"), "m": ("m", "mm")}  # of a column -> those that its name may end with
 LONGEST_STEP_S = 1.0  # a robot's motion cannot be followed in longer steps
+
+
+def moving_axes(robot: Robot, span: np.ndarray) -> np.ndarray:
+    """(n,) bool: axes that move, by the range (n,) of each (rad; m of a sliding one). Radians are compared
+    with radians and metres with metres: a quill of 150 mm moves beside an axis of two turns."""
+    sliding = np.array([joint.type == "prismatic" for joint in robot.joints])
+    largest = np.array([span[sliding == kind].max() for kind in sliding])
+    least = _LEAST_RANGE if sliding.any() and not sliding.all() else np.finfo(float).tiny
+    return span > np.maximum(STANDS_STILL * largest, least)
 
 
 class Device(Enum):
