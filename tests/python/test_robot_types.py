@@ -190,15 +190,15 @@ def leaning_scara() -> Robot:
     return replace(arm, joints=(*leans, arm.joints[3]))
 
 
-def test_a_table_without_the_tilt_of_parallel_axes_is_told_what_it_lacks():
-    """A SCARA of four parameters a frame stays at twice its noise and more; with beta it comes down to it."""
+def test_a_table_without_the_tilt_of_parallel_axes_is_as_good_as_one_with_it():
+    """A SCARA of four parameters a frame stayed at twice its noise and more."""
     made = ea.simulate(leaning_scara(), count=60, seed=8, noise=NOISE_M)
     level = replace(leaning_scara(), joints=tuple(
         joint if joint.beta is None else replace(joint, beta=0.0) for joint in leaning_scara().joints))
-    lacking, whole = (ea.calibrate(robot, made.data, seed=8, threads=1) for robot in (scara(), level))
-    assert [line for line in lacking.warnings if "no beta in frame 1, 2, 3" in line]
-    assert not [line for line in whole.warnings if "beta" in line]
-    assert whole.after["validation"].mean < 2.5 * NOISE_M < 5.0 * NOISE_M < lacking.after["validation"].mean
+    plain, whole = (ea.calibrate(robot, made.data, seed=8, threads=1) for robot in (scara(), level))
+    for result in (plain, whole):
+        assert not [line for line in result.warnings if "beta" in line]
+        assert result.after["validation"].mean < 2.5 * NOISE_M
 
 
 SENT = {name: CASES[name][0] for name in ("seven axes", "scara", "track", "turntable")}
