@@ -11,6 +11,7 @@ from exactarm.diagnose.signal import ANGLE, APPROACH, DIRECTION, LOAD, TRACKER, 
 from exactarm.diagnose.unknown import AMPLITUDE, basis_of, levels_of, sizes_of, unknown_functions
 from exactarm.effects import library
 from exactarm.effects.base_compliance import BaseCompliance
+from exactarm.effects.gear_harmonics import GearHarmonics
 from exactarm.effects.hysteresis import Hysteresis
 from exactarm.effects.link_compliance import LinkCompliance
 from exactarm.report import Figure
@@ -18,11 +19,11 @@ from exactarm.robot_file import load_robot
 from set_ups import at_random_place, joints_in_limits, measured
 
 
-def functions_of(signals, tilts=None):
+def functions_of(signals, waves=None):
     """Of one axis that turns, and the device."""
     rows = len(next(iter(signals.values())))
     directions = {turn_of(3): np.ones((rows, 3)), axis_of("device", "x"): np.tile([1.0, 0.0, 0.0], (rows, 1))}
-    return unknown_functions(signals, directions, tilts or {})
+    return unknown_functions(signals, directions, {}, waves or {})
 
 
 def test_unknown_functions_have_unit_variance_on_the_average():
@@ -70,6 +71,36 @@ def test_a_curve_of_an_axis_may_hang_on_its_own_side():
     assert unknown.described and unknown.curve_of_axis is None
 
 
+@pytest.mark.parametrize("by_side", [False, True])
+def test_an_axis_may_turn_by_waves_that_the_library_has_no_effect_for(by_side):
+    rng = np.random.default_rng(9)
+    angle, side = rng.uniform(-2.0, 2.0, 80), rng.choice([-1.0, 1.0], 80)
+    signals = {Signal(ANGLE, 3): angle} | ({Signal(APPROACH, 3): side} if by_side else {})
+    every = functions_of(signals, {(3, by_side): (4.5, 101.0)})
+    found = [each for each in every if each[0].order is not None]
+    assert [unknown.order for unknown, _, _ in found] == [4.5, 101.0]
+    unknown, response, sizes = found[1]
+    sign = side if by_side else np.ones(80)
+    waves = np.stack([np.sin(101.0 * angle), np.cos(101.0 * angle)], axis=1)
+    assert np.allclose(response[:, 2], sign[:, None] * waves)
+    assert np.allclose(sizes[0], AMPLITUDE) and not unknown.described
+    assert str(unknown.structure).startswith("a turn of axis 3 follows the angle of axis 3")
+    assert str(unknown.structure).endswith("in 101 waves a turn")
+
+
+@pytest.mark.parametrize("name, axes", [("gear_harmonics", {(i, False) for i in range(1, 7)}),
+                                        ("direction_dependence", {(i, True) for i in range(1, 7)})])
+def test_waves_are_unknown_only_where_the_library_has_no_such_effect(monkeypatch, name, axes):
+    robot, data = robot_and_data(7, 40)
+    problem = problem_for(robot, data, data.select(np.zeros(len(data), bool)), 1, 0)
+    fitted = problem.fit(problem.declared())
+    waves = lambda: {(unknown.direction.axis, len(unknown.signals) == 2)
+                     for unknown, *_ in problem.unknown_functions(fitted) if unknown.order is not None}
+    assert waves() == set()
+    monkeypatch.delitem(library(), name)
+    assert waves() == axes
+
+
 def robot_and_data(seed, rows=120, effects=(), name="ur10"):
     """An arm as it is declared, somewhere, whose poses are approached from both sides."""
     rng, robot = np.random.default_rng(seed), load_robot(name)
@@ -98,6 +129,8 @@ def test_a_tilt_moves_the_target_as_a_bearing_that_bends_does(joint):
 @pytest.mark.slow
 @pytest.mark.parametrize("name, hidden, says", [
     ("ur10", Hysteresis(4, (2e-4,)), "a turn of axis 4 follows the approach of axis 4"),
+    ("ur10", GearHarmonics(2, (50.0, 5e-3, 0.0)),
+     "a turn of axis 2 follows the angle of axis 2 in 50 waves a turn"),
     # whose axis 2 lies 0.43 m above the base: a tilt of the base is no turn of axis 2
     ("racer-7-1.4", BaseCompliance(None, (1e-6,)), "a tilt behind axis 1 follows the load of axis 2"),
 ])
@@ -108,8 +141,9 @@ def test_a_cause_that_the_library_lacks_is_told_by_what_it_moves_and_follows(mon
     assert found.verdict == "unexplained"
     assert says in map(str, found.unknown)
     # Its picture: the residual along a movement of the arm, over one signal, in the rows that were fitted.
+    # A fast wave is no structure over its angle.
     left = found.left_over
-    assert left is not None and left.x.shape == left.residual.shape and left.unit == "rad"
-    assert found.dossier_after.strongest.significant
-    assert any(figure.name == "left_over" for figure in report_of(robot, [found], "", []).sections
+    assert (left is not None) == found.dossier_after.structure == (hidden.turns_by_waves == "")
+    assert left is None or left.x.shape == left.residual.shape and left.unit == "rad"
+    assert (left is not None) == any(figure.name == "left_over" for figure in report_of(robot, [found], "", []).sections
                if isinstance(figure, Figure))

@@ -15,7 +15,9 @@ from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.in_space import InSpace
 from exactarm.diagnose.signal import Direction, Signal, Structure
 from exactarm.diagnose.unknown import AMPLITUDE, unknown_functions
+from exactarm.effects import library
 from exactarm.effects.base import Effect
+from exactarm.effects.harmonic_family import orders_by_side, searched_orders
 from exactarm.noise.estimate import estimate_noise
 from exactarm.noise.model import NoiseModel
 from exactarm.robot.robot import Robot
@@ -30,6 +32,8 @@ class Problem(ABC):
     # whether causes are found by the posterior over sets of them, and effects drafted for what none explains
     by_posterior = False
     unknown_rivals = False  # whether effects found step by step have unknown functions for rivals
+    # signals of an axis that effects of many forms follow: no unknown function of them is a rival of one
+    described: frozenset[str] = frozenset()
     unknown_size = AMPLITUDE  # plausible size of such a function, in the unit of what is measured
     most_waves_in_time = 0  # that may stand in the place of effects found step by step (wave_in_time.py)
     groups_independent = False  # whether the residuals of different groups of rows are
@@ -116,7 +120,11 @@ class Problem(ABC):
 
     def unknown_functions(self, fitted: Fitted):
         """What may be missing that no effect describes: `unknown.unknown_functions`."""
-        return unknown_functions(self.signals(fitted), self.directions(fitted), self.tilts(fitted))
+        known = {cls.turns_by_waves for cls in library().values() if self.shows(cls)}
+        waves = {(int(i) + 1, sign == "other"): orders(self.robot, fitted.view, i)
+                 for sign, orders in (("same", searched_orders), ("other", orders_by_side))
+                 for i in np.flatnonzero(fitted.view.moving) if sign not in known}
+        return unknown_functions(self.signals(fitted), self.directions(fitted), self.tilts(fitted), waves)
 
     @abstractmethod
     def error_of_unit_noise(self, fitted: Fitted) -> float:

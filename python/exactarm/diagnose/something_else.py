@@ -91,7 +91,10 @@ def _unknown_weights(problem: Problem, without: Fitted, count: float,
     apart = [{name: pattern} for name, pattern in directions.items() if name not in device]
     found, number = [], 0
     for part in (*apart, device):
-        for unknown, response, sizes in unknown_functions(signals, part, {}):
+        axes = {along.axis for along in part}
+        asked = {signal: values for signal, values in signals.items()
+                 if signal.quantity not in problem.described or signal.axis not in axes}
+        for unknown, response, sizes in unknown_functions(asked, part, {}, {}):
             columns = without.whiten(response) * (problem.unknown_size / AMPLITUDE)
             weighed = [_weighed(without, columns, size, count) for size in sizes]
             weights = [weight for weight, _ in weighed]

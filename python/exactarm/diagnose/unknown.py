@@ -9,6 +9,11 @@ Solin and Sarkka (2020) on [-L, L], s scaled to [-1, 1]:
                                                    b_i ~ N(0, amplitude^2 S(w_i) / sum_j S(w_j))
     S(w) proportional to (5 / l^2 + w^2)^-3,   lengths l of 0.2, 0.5 and 1.2 of the signal's range.
 
+An axis may turn by a wave of any order over its own angle, where the library has no such effect: too fast for
+the functions above, each order a function of its own,
+
+    g(q) = a sin(o q) + b cos(o q),   a, b ~ N(0, amplitude^2)
+
 Functions of two signals: products of few of them; of an axis's angle and its approach: one function, with
 the other sign from the other side. A signal of few values has a level at each of them, all alike likely:
 
@@ -44,18 +49,20 @@ _TERMS, _TERMS_OF_TWO = 15, 4
 _HALF_WIDTH = 1.3  # L: at the ends of the range the basis is still free
 AMPLITUDE = 3e-4  # rad of an axis, m of the device: what gears, springs and devices leave
 _LEAST_VALUES = 5  # different values of a signal; fewer are levels, not a curve
-_BY_SIDE, _TILTED = "by side", "tilted"
+_BY_SIDE, _TILTED, _WAVE = "by side", "tilted", "wave"
 _OF_THE_ARM = (ANGLE, TRAVEL, LOAD, APPROACH)  # no device follows them
 _DECIMALS = 9  # of a signal in SI: no device measures a nanoradian; a load of 1e-17 Nm is rounding
 
 
 @dataclass(frozen=True)
 class Unknown:
-    """Which direction follows which signals; `form`: smooth, of two, by side, tilted, or of place."""
+    """Which direction follows which signals; `form`: smooth, wave, of two, by side, tilted, or of
+    place."""
 
     direction: Direction
     signals: tuple[Signal, ...]
     form: str = "smooth"
+    order: float | None = None  # of a wave, in waves a turn
 
     @property
     def label(self) -> str:
@@ -65,10 +72,9 @@ class Unknown:
     def described(self) -> bool:
         """A turn of an axis by its own angle, load or side, or a tilt by load: what the library's gear
         curves, springs and bearings describe already."""
-        if self.form == _TILTED:
-            return True
-        first, alone = self.signals[0], len(self.signals) == 1 or self.form == _BY_SIDE
-        return alone and not first.part and self.direction.turns and first.axis == self.direction.axis
+        first = self.signals[0]
+        own = self.direction.turns and first.axis == self.direction.axis and not first.part
+        return self.form == _TILTED or own and self.form in ("smooth", _BY_SIDE)
 
     @property
     def curve_of_axis(self) -> int | None:
@@ -80,7 +86,8 @@ class Unknown:
     def structure(self) -> Structure:
         """As a technician says it."""
         follows = " and ".join(f"the {signal}" for signal in self.signals)
-        return Structure(f"{self.direction} follows {follows}", self.signals)
+        waves = "" if self.order is None else f" in {self.order:.4g} waves a turn"
+        return Structure(f"{self.direction} follows {follows}{waves}", self.signals)
 
 
 def basis_of(values: np.ndarray, terms: int = _TERMS) -> np.ndarray:
@@ -109,10 +116,10 @@ def _scaled(values: np.ndarray) -> np.ndarray:
     return (2.0 * values - low - high) / max(high - low, 1e-300)
 
 
-def unknown_functions(signals: dict, directions: dict,
-                      tilts: dict) -> list[tuple[Unknown, np.ndarray, list[np.ndarray]]]:
+def unknown_functions(signals: dict, directions: dict, tilts: dict,
+                      waves: dict) -> list[tuple[Unknown, np.ndarray, list[np.ndarray]]]:
     """(what, response (N, m, k), sizes of the coefficients for each length) of every unknown function worth
-    trying."""
+    trying; waves: (axis, whether they change sign with its side) -> orders."""
     counts = {name: len(np.unique(values.round(_DECIMALS))) for name, values in signals.items()}
     curves = {name: values for name, values in signals.items() if counts[name] >= _LEAST_VALUES}
     levels = {name: levels_of(values) for name, values in signals.items()
@@ -145,7 +152,24 @@ def unknown_functions(signals: dict, directions: dict,
     found += [(Unknown(along, (signal,), _TILTED), _moved(patterns, few_of(values)), [np.tile(few, 2)])
               for along, patterns in tilts.items()
               for signal, values in curves.items() if signal.quantity == LOAD]
-    return found + _of_two(curves, turns, device)
+    return found + _of_two(curves, turns, device) + _of_waves(signals, turns, waves)
+
+
+def _of_waves(signals: dict, turns: dict, waves: dict) -> list:
+    found = []
+    for (axis, by_side), orders in waves.items():
+        along = next((name for name in turns if name.turns and name.axis == axis), None)
+        place = next((signal for signal in signals if signal.places_axis and signal.axis == axis), None)
+        side = Signal(APPROACH, axis)
+        if along is None or place is None or by_side and side not in signals:
+            continue
+        pattern = turns[along] * signals[side][:, None] if by_side else turns[along]
+        for order in orders:
+            unknown = Unknown(along, (place, side) if by_side else (place,), _WAVE, order)
+            turned = order * signals[place]
+            found.append((unknown, _moved([pattern], np.stack([np.sin(turned), np.cos(turned)], axis=1)),
+                          [np.full(2, AMPLITUDE)]))
+    return found
 
 
 def _moved(patterns: Iterable[np.ndarray], basis: np.ndarray) -> np.ndarray:

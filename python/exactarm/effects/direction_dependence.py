@@ -11,7 +11,7 @@ import numpy as np
 
 from exactarm.data.kinds import ALL_KINDS
 from exactarm.effects.base import Effect
-from exactarm.effects.harmonic_family import HarmonicFamily, declared_orders, searched_orders
+from exactarm.effects.harmonic_family import HarmonicFamily, orders_by_side
 
 
 @dataclass(frozen=True)
@@ -22,6 +22,7 @@ class DirectionDependence(HarmonicFamily):
     plain = "gear errors that depend on the direction"
     kinds = ALL_KINDS
     compensable = True
+    turns_by_waves = "other"
     sentence = "the harmonic {order_per_rev:.2f} of gear {joint} depends on the direction of motion"
     source = "thesis 3.1.2, Tables A.6 to A.11"
 
@@ -34,7 +35,6 @@ class DirectionDependence(HarmonicFamily):
             direction = view.direction[:, index]
             if not np.any(direction > 0) or not np.any(direction < 0):
                 continue
-            orders = (*np.unique(declared_orders(robot, index)),
-                      *searched_orders(robot, view, index, lowest=1.0))
+            orders = orders_by_side(robot, view, index)
             if len(orders):
                 yield cls.zero(index + 1, orders)

@@ -34,6 +34,7 @@ class GearHarmonics(HarmonicFamily):
     kinds = ALL_KINDS
     compensable = True
     family = "gear curve"
+    turns_by_waves = "same"
     sentence = "the ratio of gear {joint} swings {order_per_rev:.2f} times per output revolution"
     source = "thesis 2.2.1, E5"
 

@@ -243,6 +243,12 @@ def searched_orders(robot, view, index: int, lowest: float = 3.0) -> tuple[float
     return tuple(o for o in orders if np.all(np.abs(declared - o) > 0.5))
 
 
+def orders_by_side(robot, view, index: int) -> tuple[float, ...]:
+    """Orders worth trying of what changes sign with the direction: those of the declared tables, and all
+    others."""
+    return (*np.unique(declared_orders(robot, index)), *searched_orders(robot, view, index, lowest=1.0))
+
+
 def motor_orders(robot, orders, index: int) -> tuple[float, ...]:
     """Those of `orders` that are the motor's own, or half of it (a wave generator): what turns there has
     overtones too."""
