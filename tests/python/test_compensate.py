@@ -243,6 +243,18 @@ def test_a_point_of_a_program_that_may_be_taught_is_not_touched_without_a_word(t
     assert written == files
     _, written, result = compensate(tmp_path, cell.robot, files, *FRAMES, "--points", "XP2")
     assert result["correction"]["n"] == 1 and written["prog.src"] == files["prog.src"]
+    assert compensate(tmp_path, cell.robot, files, *FRAMES, "--points", "XP2,XP22")[0] == 2
+    assert "--points xp22: no point" in capsys.readouterr().err
+
+
+def test_a_position_of_fanuc_is_named_with_its_brackets(tmp_path):
+    """They were read as a choice of letters, and no position had such a name."""
+    cell = Cell(identified(coupling=((3, 2, 1.0),)))
+    frames = ["--tool", "4=" + ",".join(map(str, (*TOOL[:3], *TOOL[:2:-1]))),
+              "--base", "3=" + ",".join(map(str, (*BASE[:3], *BASE[:2:-1])))]
+    files = cells.fanuc(cell, nearby(cell.robot, 3))
+    _, _, result = compensate(tmp_path, cell.robot, files, *frames, "--points", "P[2],p[3]")
+    assert result["correction"]["n"] == 2
 
 
 def refused(tmp_path, capsys, files, *options, robot=None):

@@ -37,7 +37,7 @@ from exactarm.compensate.correction import correct
 from exactarm.compensate.formats import Job, jobs
 from exactarm.compensate.frames import cell_frames, with_nominal
 from exactarm.compensate.law import CompensationModel
-from exactarm.compensate.setting import Setting, chosen_points, read_frames, read_numbers
+from exactarm.compensate.setting import Setting, chosen_points, read_frames, read_numbers, unmatched
 from exactarm.data.columns import MOST, PAYLOAD
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
@@ -169,12 +169,8 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         corrections.append(correct(program, model, chosen, setting.start, arguments.threads, reread,
                                    tolerance))
     _stop_at_refused(corrections, arguments)
-    used = (
-        not arguments.points
-        or arguments.points in ("calculated", "taught")
-        or any(c.program.targets and chosen_points(c.program, arguments.points).any() for c in corrections))
-    if not used:
-        raise InputError(f"--points {arguments.points}: no point of these programs has such a name")
+    if odd := unmatched([c.program for c in corrections], arguments.points or "calculated"):
+        raise InputError(f"--points {','.join(odd)}: no point of these programs has such a name")
     q_after = np.concatenate([c.q_after for c in corrections])
     arguments.progress.stage(TRUSTED)
     radius = model_uncertainty(robot, q_after, arguments.threads)

@@ -104,6 +104,21 @@ def chosen_points(program: Program, points: str | None) -> np.ndarray:
             f"--points {','.join(dict.fromkeys(known[:2])) or 'P1,P2'}",
             file=program.files[0].path,
         )
-    patterns = [pattern.strip().lower() for pattern in points.split(",")]
+    patterns = words_of(points)
     matches = lambda name: any(fnmatchcase(name.lower(), pattern) for pattern in patterns)
     return np.array([matches(name) for name in names], bool)
+
+
+def words_of(points: str) -> list[str]:
+    """Names of --points, in small letters, as patterns in which a bracket is a letter (P[1] of Fanuc); empty
+    where it holds none."""
+    if points in ("calculated", "taught"):
+        return []
+    return [word.strip().lower().replace("[", "[[]") for word in points.split(",")]
+
+
+def unmatched(programs: Sequence[Program], points: str) -> list[str]:
+    """Names of --points that no point of any program has: a slip of the pen would leave one as it is."""
+    names = {target.name.lower() for program in programs for target in program.targets}
+    known = lambda word: any(fnmatchcase(name, word) for name in names)
+    return [word.replace("[[]", "[") for word in words_of(points) if not known(word)]
