@@ -95,7 +95,9 @@ def test_intervals_of_few_poses_hold_the_truth(arm, poses, noise):
         true = at_random_place(deviated_where_identifiable(arm, names, rng), rng)
         result, _, _ = calibrated(arm, true, poses, noise, rng, judged=1)
         layout = Layout.of((Frames.of(1, true.base, true.tool, False),)).joined(geometry_layout(true))
-        truth = dict(zip(layout.names, layout.values))
+        # a frame with a beta has its d in the tables, and in no layout
+        truth = {f"d_{i}_m": joint.d for i, joint in enumerate(true.joints, start=1)}
+        truth |= dict(zip(layout.names, layout.values))
         values = np.array([truth[name] for name in result.names])
         inside.append(np.mean((result.intervals[:, 0] < values) & (values < result.intervals[:, 1])))
     # 40 sets of some 29 parameters, which hang together: a standard deviation of the mean of 0.01

@@ -39,8 +39,8 @@ def result(tmp_path, monkeypatch):
 def test_the_tutorial_runs_and_ends_where_it_says(result, tmp_path, capsys):
     result = result("tutorial.md")
     calibrated, diagnosed = result("calibrated"), result("diagnosed")
-    # 1.1 mm with the poses of before; these keep the line of sight to a station, and lie elsewhere
-    assert 1.25e-3 < calibrated["before"]["validation"]["mean"] < 1.45e-3
+    # what the nominal arm errs hangs on the designed poses (it was 1.3 mm before they showed beta_2 as well)
+    assert 1.0e-3 < calibrated["before"]["validation"]["mean"] < 1.2e-3
     assert calibrated["after"]["validation"]["mean"] < 0.15e-3
     assert diagnosed["effects"][0]["joint"] == 3 and diagnosed["after"]["validation"]["mean"] < 0.065e-3
     fresh = [result(f"fresh_{name}")["error"]["mean"] for name in ("calibrated", "diagnosed")]
