@@ -21,6 +21,7 @@ from exactarm.numerics.rotation import turn
 
 SAME_PLACE = 1e-8  # m and rad: below the last digit of any program
 
+
 class Sides:
     """Of the targets of a program, for joint angles that change a little from one call to the next."""
 

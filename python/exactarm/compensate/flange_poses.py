@@ -75,6 +75,11 @@ def missing(error: np.ndarray, axes: int) -> np.ndarray:
     return size
 
 
+def unreached(error: np.ndarray, axes: int) -> np.ndarray:
+    """(N,) how far a pose is from being reached, m or rad; for fewer than six axes the place, m."""
+    return missing(error, axes) if axes >= 6 else np.linalg.norm(error[:, :3], axis=1)
+
+
 def _measure(axes: int) -> np.ndarray:
     """(6,) weights of place and orientation: fewer than six axes cannot make up both, and a SCARA whose axes
     lean by a milliradian is still to be where it was sent."""

@@ -23,7 +23,7 @@ from exactarm import _core
 from exactarm.chain import Layout, PosePrediction, predict_poses
 from exactarm.chain.motion import transmission
 from exactarm.compensate.controller import ControllerChain
-from exactarm.compensate.flange_poses import Poses, missing, pose_error, pseudo_inverse
+from exactarm.compensate.flange_poses import Poses, missing, pose_error, pseudo_inverse, unreached
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import POSES
 from exactarm.effects.payload import Payload
@@ -42,9 +42,8 @@ REACHED = 1e-10  # m and rad: a hundredth of the last digit that any program car
 # Frobenius norm of J^-1 (rad per m or rad): 1 mrad, the orientation error of an arm as delivered, turns an
 # axis by 0.1 rad.
 NEAR_SINGULAR = 100.0
-LARGEST_TURN_RAD = (
-    0.2  # a correction that turns an axis further changes the branch, or the model is not this arm's
-)
+# a correction that turns an axis further changes the branch, or the model is not this arm's
+LARGEST_TURN_RAD = 0.2
 
 
 @dataclass(frozen=True)
@@ -154,9 +153,7 @@ class CompensationModel:
             rows = rows[better]
             q[rows], error[rows] = trial[better], left[better]
             left_over[rows] = missing(left[better], axes)
-        if axes < 6:
-            left_over = np.linalg.norm(error[:, :3], axis=1)
-        return Commands(q, left_over, amplification, np.abs(q - begun).max(axis=1, initial=0.0))
+        return Commands(q, unreached(error, axes), amplification, np.abs(q - begun).max(axis=1, initial=0.0))
 
 
 def command_of(
@@ -222,7 +219,6 @@ def actual_of(
     there = model.prediction(joints, side, threads)
     near, real = model.controller.unturned(there.view.q), Poses(there.position, there.rotation)
     found = model.controller.joints(real, near)
-    error, axes = pose_error(real, model.controller.poses(found)), model.actual.axes
-    left_over = missing(error, axes) if axes >= 6 else np.linalg.norm(error[:, :3], axis=1)
+    left_over = unreached(pose_error(real, model.controller.poses(found)), model.actual.axes)
     good = (left_over < NOT_REACHED) & (np.abs(found - near).max(axis=1, initial=0.0) < LARGEST_TURN_RAD)
     return np.where(good[:, None], found, np.nan)

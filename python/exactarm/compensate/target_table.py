@@ -28,7 +28,6 @@ from exactarm.compensate.controller import ControllerChain
 from exactarm.compensate.flange_poses import Poses
 from exactarm.compensate.program import Motion, Notation, Program, SourceText, Target
 from exactarm.compensate.setting import Setting
-from exactarm.data.columns import PAYLOAD, PAYLOAD_CENTRE
 from exactarm.data.dataset import Dataset, read_named_targets
 from exactarm.errors import InputError
 from exactarm.files.csv_dialect import Dialect, dialect_of, header_start, split_header
@@ -130,11 +129,11 @@ def _as_they_are(q: np.ndarray) -> np.ndarray:
 
 def _loads(data: Dataset) -> list[tuple[float, tuple[float, float, float]] | None]:
     """What the flange carries in each row, by `payload_kg` with its centre."""
-    mass = data.covariates.get(PAYLOAD)
-    if mass is None:
+    load = data.load_on_flange
+    if load is None:
         return [None] * len(data)
-    centre = [data.covariates.get(name, np.zeros(len(data))).tolist() for name in PAYLOAD_CENTRE]
-    return [(kg, place) for kg, place in zip(mass.tolist(), zip(*centre))]
+    mass, centre = load
+    return [(kg, (x, y, z)) for kg, (x, y, z) in zip(mass.tolist(), centre.tolist())]
 
 
 def _joint_angles(data: Dataset, source: SourceText) -> np.ndarray | None:

@@ -144,15 +144,23 @@ class Rows(Value):
         return len(self.row)
 
     @property
-    def payload(self) -> tuple[np.ndarray, np.ndarray] | None:
+    def load_on_flange(self) -> tuple[np.ndarray, np.ndarray] | None:
         """What the flange carries in each row beside the declared links: mass (N,) kg and centre (N, 3) m in
-        DH frame n; None where no column payload_kg says so. Without centre it hangs at the flange's
+        the flange's frame; None where no column payload_kg says so. Without centre it hangs at the flange's
         origin."""
         mass = self.covariates.get(PAYLOAD)
         if mass is None:
             return None
         zero = np.zeros(len(self))
-        centre = np.stack([self.covariates.get(name, zero) for name in PAYLOAD_CENTRE], axis=1)
+        return mass, np.stack([self.covariates.get(name, zero) for name in PAYLOAD_CENTRE], axis=1)
+
+    @property
+    def payload(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """The same with the centre in DH frame n."""
+        load = self.load_on_flange
+        if load is None:
+            return None
+        mass, centre = load
         return mass, self.flange.position + centre @ self.flange.rotation.T
 
     @property

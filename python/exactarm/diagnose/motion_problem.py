@@ -116,7 +116,7 @@ class MotionProblem(ProblemInTime):
     kind = MOTION.name
     repeat_source = "white noise of the torque above the band of the motion"
     unknown_rivals = True
-    described = frozenset({SPEED, DIRECTION})  # by frictions
+    followed_by_effects = frozenset({SPEED, DIRECTION})  # by frictions
     unknown_size = 1.0  # Nm: a third of what the library holds plausible of a friction
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):

@@ -33,7 +33,7 @@ class Problem(ABC):
     by_posterior = False
     unknown_rivals = False  # whether effects found step by step have unknown functions for rivals
     # signals of an axis that effects of many forms follow: no unknown function of them is a rival of one
-    described: frozenset[str] = frozenset()
+    followed_by_effects: frozenset[str] = frozenset()
     unknown_size = AMPLITUDE  # plausible size of such a function, in the unit of what is measured
     most_waves_in_time = 0  # that may stand in the place of effects found step by step (wave_in_time.py)
     groups_independent = False  # whether the residuals of different groups of rows are

@@ -93,10 +93,10 @@ def _unknown_weights(problem: Problem, without: Fitted, count: float,
     for part in (*apart, device):
         axes = {along.axis for along in part}
         asked = {signal: values for signal, values in signals.items()
-                 if signal.quantity not in problem.described or signal.axis not in axes}
+                 if signal.quantity not in problem.followed_by_effects or signal.axis not in axes}
         for unknown, response, sizes in unknown_functions(asked, part, {}, {}):
-            columns = without.whiten(response) * (problem.unknown_size / AMPLITUDE)
-            weighed = [_weighed(without, columns, size, count) for size in sizes]
+            columns, unit = without.whiten(response), problem.unknown_size / AMPLITUDE
+            weighed = [_weighed(without, columns, unit * size, count) for size in sizes]
             weights = [weight for weight, _ in weighed]
             left = weighed[int(np.argmax(weights))][1]
             odds = np.log(DESCRIBED) if unknown.described else 0.0

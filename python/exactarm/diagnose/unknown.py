@@ -19,13 +19,14 @@ the other sign from the other side. A signal of few values has a level at each o
 
     g(s) = b_s - mean of b,   b_s ~ N(0, amplitude^2)
 
-A device that follows the time is no function here: it
-wanders, slowly or fast, and what its rows share is one law of noise (noise/wandering.py).
+What stands behind an axis may tilt across it, both ways, by the load of an axis. A device that follows the
+time is no function here: it wanders, slowly or fast, and what its rows share is one law of noise
+(noise/wandering.py).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -172,9 +173,10 @@ def _of_waves(signals: dict, turns: dict, waves: dict) -> list:
     return found
 
 
-def _moved(patterns: Iterable[np.ndarray], basis: np.ndarray) -> np.ndarray:
+def _moved(patterns: Sequence[np.ndarray], basis: np.ndarray) -> np.ndarray:
     """(N, m, k) of every pattern (N, m) times the functions (N, f), one pattern after the other."""
-    return np.concatenate([pattern[:, :, None] * basis[:, None, :] for pattern in patterns], axis=2)
+    product = np.stack(patterns, axis=2)[:, :, :, None] * basis[:, None, None, :]
+    return product.reshape(*product.shape[:2], -1)
 
 
 def few_of(values: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ import numpy as np
 from exactarm.data.kinds import WITH_TARGET
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.parameter_id import Group, ParameterId
-from exactarm.robot.mdh_frames import parallel_to_next
+from exactarm.robot.mdh_frames import NEARLY_PARALLEL, tilt_of_next
 
 _NAMES = ("d_m", "a_m", "alpha_rad", "beta_rad")
 
@@ -40,7 +40,8 @@ class Geometry(Effect):
         fields = {"d_m": joint.d, "a_m": joint.a, "alpha_rad": joint.alpha}
         if joint.beta is not None and f"d_{index + 1}_m" not in robot.intervals:
             del fields["d_m"]
-        if joint.beta is not None or (index + 1 < robot.axes and parallel_to_next(joint)):
+        parallel = index + 1 < robot.axes and tilt_of_next(joint) < NEARLY_PARALLEL
+        if joint.beta is not None or parallel:
             fields["beta_rad"] = joint.beta or 0.0
         return Geometry(index + 1, tuple(fields.values()), tuple(fields))
 

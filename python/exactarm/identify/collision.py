@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from exactarm.effects.parameter_id import Group, ParameterId
+from exactarm.robot.mdh_frames import NEARLY_PARALLEL, tilt_of_next
 from exactarm.robot.robot import Robot
 
-NEARLY_PARALLEL_RAD = 0.05  # beyond it nobody calls two axes parallel
 EXACTLY_PARALLEL_RAD = 1e-9
 COLLINEAR_M = 1e-3
 _MOST_PARTNERS = 6
@@ -142,7 +142,7 @@ def _alike_along_parallel_axes(p: ParameterId, others: list[ParameterId], robot:
     along = [q.axis for q in others if q.symbol == "d"]
     if p.symbol != "d" or not along or len(along) != len(others):
         return ""
-    if all(deviation_from_parallel(robot, p.axis, axis) < NEARLY_PARALLEL_RAD for axis in along):
+    if all(deviation_from_parallel(robot, p.axis, axis) < NEARLY_PARALLEL for axis in along):
         return _are([*along, p.axis], robot, "parallel")
     return ""
 
@@ -151,7 +151,7 @@ def _collinear_turn(p: ParameterId, others: list[ParameterId], robot: Robot) -> 
     turns = [q.axis for q in others if q.symbol == "q_offset"]
     if p.symbol != "q_offset" or not turns:
         return ""
-    near = [axis for axis in turns if deviation_from_parallel(robot, p.axis, axis) < NEARLY_PARALLEL_RAD]
+    near = [axis for axis in turns if deviation_from_parallel(robot, p.axis, axis) < NEARLY_PARALLEL]
     if near and all(abs(robot.joints[i].a) < COLLINEAR_M
                     for i in range(min(near[0], p.axis) - 1, max(near[0], p.axis) - 1)):
         return _are([near[0], p.axis], robot, "collinear")
@@ -163,7 +163,7 @@ def _turn_about_parallel_y(p: ParameterId, others: list[ParameterId], robot: Rob
     for q, r in ((p, others), *((q, [p, *others]) for q in others)):
         if q.symbol != "beta" or not any(s.symbol == "q_offset" and s.axis == q.axis for s in r):
             continue
-        if abs(np.cos(robot.joints[q.axis - 1].alpha)) < NEARLY_PARALLEL_RAD:
+        if abs(np.cos(robot.joints[q.axis - 1].alpha)) < NEARLY_PARALLEL:
             return (
                 f"alpha_{q.axis} is a right angle, so beta_{q.axis} turns about a parallel of axis {q.axis}")
     return ""
@@ -194,12 +194,7 @@ def _are(axes: list[int], robot: Robot, word: str) -> str:
 def deviation_from_parallel(robot: Robot, one: int, other: int) -> float:
     """Largest tilt in rad (modulo half a turn) of the frames between two axes (from 1); pi / 2 at most."""
     first, last = sorted((one, other))
-    tilts = [0.0]
-    for joint in robot.joints[first - 1 : last - 1]:
-        cosine = abs(np.cos(joint.alpha) * np.cos(joint.beta or 0.0))
-        sine = np.hypot(np.sin(joint.alpha) * np.cos(joint.beta or 0.0), np.sin(joint.beta or 0.0))
-        tilts.append(float(np.arctan2(sine, cosine)))
-    return max(tilts)
+    return max([0.0, *map(tilt_of_next, robot.joints[first - 1 : last - 1])])
 
 
 _RULES = (_prismatic, _alike_along_parallel_axes, _collinear_turn, _turn_about_parallel_y, _target_on_axis,

@@ -15,7 +15,7 @@ import numpy as np
 
 from exactarm.robot.robot import Joint, Placement
 
-NEARLY_PARALLEL = 0.05  # sine of the angle between two axes
+NEARLY_PARALLEL = 0.05  # rad between two axes, or its sine: beyond it nobody calls them parallel
 ROUNDING = 1e-14  # m, rad: what remains of a zero after a few rotations
 
 
@@ -74,10 +74,11 @@ def frame_at_zero(joint: Joint) -> Placement:
     return compose(Placement(rotation_z(joint.zero)), behind_axis(joint))
 
 
-def parallel_to_next(joint: Joint) -> bool:
-    """Whether the axis of the joint and the one that its frame carries are (nearly) parallel."""
-    along = rotation_x(joint.alpha) @ rotation_y(joint.beta or 0.0)[:, 2]
-    return bool(np.hypot(along[0], along[1]) < NEARLY_PARALLEL)
+def tilt_of_next(joint: Joint) -> float:
+    """Angle in rad (modulo half a turn, pi / 2 at most) between the axis of the joint and the one that its
+    frame carries."""
+    x, y, z = rotation_x(joint.alpha) @ rotation_y(joint.beta or 0.0)[:, 2]
+    return float(np.arctan2(np.hypot(x, y), abs(z)))
 
 
 def mdh_chain(axes: Sequence[Axis], target: Placement) -> Chain:
