@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 from matplotlib.figure import Figure as Drawing
+from matplotlib.text import Text
 
 from exactarm.errors import InputError
 from exactarm.report import Figure
@@ -71,7 +72,11 @@ def test_of_several_panels_the_main_one_is_drawn_on_axes_that_exist(name):
         assert given.has_data() and not other.has_data() and len(drawing.axes) == 2 + bars
         assert given.get_title(loc="left") == titles[main] and given.get_xlabel()
         assert given.get_ylabel() or given.get_yticklabels()
-    drawing.draw_without_rendering()
+        drawing.draw_without_rendering()
+        title, legend = given.get_title(loc="left"), given.get_legend()
+        words = given.findobj(lambda artist: isinstance(artist, Text) and artist.get_text() == title)
+        assert not title or legend is None or not legend.get_window_extent().overlaps(
+            words[0].get_window_extent())
     assert all(label.get_visible() for label in (*other.get_xticklabels(), *given.get_xticklabels()))
 
 

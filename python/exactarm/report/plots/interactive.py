@@ -12,6 +12,8 @@ from exactarm.errors import InputError
 from exactarm.report.plots.style import drawn_by, house_style, legend_above, readable_decades
 from exactarm.report.sections import Figure
 
+_TITLE_IN = 0.24  # height of a title over its panel
+
 
 def draw_figure(figure: Figure, ax: Axes | None) -> Axes | list[Axes]:
     """Draws on `ax` (of several panels the main one), or makes a figure of pyplot; returns the axes, a list
@@ -73,7 +75,8 @@ class _MainPanel:
         return self.ax.get_figure().colorbar(ScalarMappable(drawn.norm, drawn.cmap), ax=self.ax, **look)
 
     def legend(self, *_: Any, ncols: int = 4, markerscale: float = 1.0, **__: Any) -> None:
-        legend_above(self.ax, columns=ncols, marker_scale=markerscale)
+        titled = bool(self.ax.get_title(loc="left"))
+        legend_above(self.ax, columns=ncols, marker_scale=markerscale, lifted_in=_TITLE_IN * titled)
 
     def align_ylabels(self, _: Any) -> None:
         """One panel alone is aligned."""

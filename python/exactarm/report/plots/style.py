@@ -17,6 +17,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatterSciNotation
+from matplotlib.transforms import ScaledTranslation
 
 from exactarm.report.numbers import choose_scale
 from exactarm.report.sections import Figure as FigureSection
@@ -178,12 +179,15 @@ def label_with(name: str, unit: str) -> str:
     return f"{name} [{unit}]" if unit else name
 
 
-def legend_above(axes: Axes, side: str = "left", columns: int = 4, marker_scale: float = 1.0) -> None:
-    """The legend over the plot, where it hides no data."""
+def legend_above(axes: Axes, side: str = "left", columns: int = 4, marker_scale: float = 1.0,
+                 lifted_in: float = 0.0) -> None:
+    """The legend over the plot, where it hides no data; lifted: over a title."""
     handles, labels = axes.get_legend_handles_labels()
     if handles:
+        lifted = ScaledTranslation(0.0, lifted_in, axes.get_figure().dpi_scale_trans)
         axes.legend(handles, labels, loc=f"lower {side}", bbox_to_anchor=(float(side == "right"), 1.0),
-                    ncols=columns, borderaxespad=0.2, markerscale=marker_scale)
+                    bbox_transform=axes.transAxes + lifted, ncols=columns, borderaxespad=0.2,
+                    markerscale=marker_scale)
 
 
 def from_zero(axes: Axes, *arrays: np.ndarray | None) -> None:
