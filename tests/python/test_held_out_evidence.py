@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from exactarm.diagnose.held_out_evidence import AGAINST, allowed, held_out_gains, log_density
+from exactarm.diagnose.held_out_evidence import AGAINST, allowed, held_out_gains, log_density, with_held_out
 from exactarm.diagnose.verdict import (
     EXPLAINED,
     NOTHING,
@@ -58,6 +58,15 @@ def test_no_probability_outlives_rows_that_speak_against_it():
     assert allowed(0.999, AGAINST + 0.01) == 0.999
     assert allowed(0.999, AGAINST - 0.01) < 0.05
     assert allowed(0.01, AGAINST - 0.01) == 0.01
+
+
+def test_held_out_rows_multiply_the_odds_against_no_cause():
+    odds = lambda p: p / (1.0 - p)
+    for gain in (-4.0, 0.0, 3.0):
+        assert odds(with_held_out(0.8, 1.0, gain)) == pytest.approx(4.0 * np.exp(gain))
+    # what is against it is a rival, which gains as much
+    assert with_held_out(0.8, 0.0, -4.0) == pytest.approx(0.8)
+    assert 0.0 <= with_held_out(1.0 - 1e-9, 1.0, -1e6) < 1e-9 < with_held_out(1.0, 1.0, -1e6) <= 1.0
 
 
 def test_an_error_that_rises_is_told_from_one_that_does_not_change():

@@ -3,7 +3,9 @@
 from types import SimpleNamespace as Plain
 
 import numpy as np
+import pytest
 
+from exactarm.diagnose.held_out_evidence import freedom_of, log_density
 from exactarm.diagnose.own_share import own_shares
 
 RNG = np.random.default_rng(4)
@@ -38,9 +40,14 @@ def test_the_share_is_that_of_a_fit_without_the_effect():
     parameters = [Plain(search=False)] * 121
     fitted = Plain(
         sigma=np.ones(1), design=np.concatenate([design[fitted_rows], priors]), data_numbers=40,
+        residual=(measured[fitted_rows] - design[fitted_rows] @ values)[:, None], weight=np.ones(40),
         layout=Plain(effects=("small", "curve"), slices=(slice(0, 1), slice(1, 121)), size=121, values=values,
                      parameters=parameters))
-    problem = Plain(held_out_picture=lambda fitted: (left[:, None], design[judged, None, :]))
+    problem = Plain(held_out_picture=lambda fitted: (left[:, None], design[judged, None, :]), held_out=left,
+                    correlation_factor=lambda fitted: 0.5)
     small, _curve = own_shares(problem, fitted, 0)
-    assert np.isclose(small, expected, atol=1e-6)
+    assert np.isclose(small.share, expected, atol=1e-6)
+    freedom = freedom_of(np.abs(fitted.residual[:, 0]), 1)
+    gain = 0.5 * (log_density(np.abs(left), 1, freedom) - log_density(np.abs(left_without), 1, freedom))
+    assert small.gain == pytest.approx(gain, rel=1e-4) and gain > 1.0
     assert 0.0 < expected < 0.9

@@ -18,7 +18,7 @@ from exactarm.diagnose.contribution import Contribution, contributions
 from exactarm.diagnose.dossier import Dossier, dossier
 from exactarm.diagnose.draft import Draft, drafts_of
 from exactarm.diagnose.fitted import Fitted
-from exactarm.diagnose.held_out_evidence import AGAINST, allowed, held_out_gains
+from exactarm.diagnose.held_out_evidence import AGAINST, allowed, held_out_gains, with_held_out
 from exactarm.diagnose.in_space import InSpace
 from exactarm.diagnose.joint_fit import refit
 from exactarm.diagnose.left_over import LeftOver, left_over
@@ -172,9 +172,11 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     after = {name: summarise(values[np.isfinite(values)]) for name, values in errors[-1].items()}
     own = own_shares(problem, last, len(declared.effects))
     gains = held_out_gains(errors, problem.numbers_of_error, problem.correlation_factor(last))
-    findings = tuple(_finding(accepted, last, declared, place, errors, problem, own[place] if own else None,
-                              accepted.probability if causes
-                              else allowed(accepted.probability * accepted.share, gains[accepted.round]))
+    sure = [with_held_out(accepted.probability, causes.places[k].nothing, own[k].gain) if causes
+            else allowed(accepted.probability * accepted.share, gains[accepted.round])
+            for k, accepted in enumerate(selection.accepted)]
+    findings = tuple(_finding(accepted, last, declared, place, errors, problem,
+                              own[place].share if own else None, sure[place])
                      for place, accepted in enumerate(selection.accepted))
     alternatives = _alternatives(problem, declared, selection)
     progress(NEXT)
@@ -189,7 +191,8 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     waves = problem.waves(last, noise.value if noise.measured else None)
     unknown = _unknown_beside(causes, findings) + waves
     unconverged = _unconverged(selection)
-    _, refuted = stood_and_refuted(findings)
+    stood, refuted = stood_and_refuted(findings)
+    refuted = refuted and not (causes and stood)  # its sets say what stands without them
     worse = sum(gains) < 0.0 and rises(before, after)
     undecided = selection.undecided
     if unconverged or refuted or worse or waves or undecided or sum(gains) < AGAINST:

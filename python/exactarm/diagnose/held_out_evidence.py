@@ -23,6 +23,7 @@ from scipy import special
 from exactarm.noise.estimate import FREEDOMS
 
 AGAINST = float(-np.log(20.0))  # nats: see above
+_MOST = 500.0  # nats: beyond, numbers overflow
 _PASSES = 60
 _SAME = 1e-6  # relative change of the variance that ends its estimate
 
@@ -34,7 +35,7 @@ def held_out_gains(errors: Sequence[dict[str, np.ndarray]], numbers: int, share:
     """
     fitted = errors[-1]["identification"]
     fitted = fitted[np.isfinite(fitted)]
-    freedom = max((np.inf, *FREEDOMS), key=lambda nu: log_density(fitted, numbers, nu))
+    freedom = freedom_of(fitted, numbers)
     gains = []
     for before, after in zip(errors[:-1], errors[1:]):
         one, other = before["validation"], after["validation"]
@@ -42,6 +43,19 @@ def held_out_gains(errors: Sequence[dict[str, np.ndarray]], numbers: int, share:
         with_effects, without = (log_density(e[both], numbers, freedom) for e in (other, one))
         gains.append(float(share * (with_effects - without)))
     return tuple(gains)
+
+
+def freedom_of(errors: np.ndarray, numbers: int) -> float:
+    """Degrees of freedom that make errors (K,) of `numbers` numbers each likeliest."""
+    return max((np.inf, *FREEDOMS), key=lambda nu: log_density(errors, numbers, nu))
+
+
+def with_held_out(probability: float, nothing: float, gain: float) -> float:
+    """Posterior probability of an effect by all rows, from that by the fitted rows: the density of held-out
+    rows multiplies its odds against no cause at all, which is the share `nothing` of what is against it. Its
+    rivals, which explain the same, are taken to gain what it gains."""
+    against = (1.0 - probability) * (1.0 - nothing + nothing * np.exp(-max(gain, -_MOST)))
+    return float(probability / (probability + against))
 
 
 def allowed(probability: float, gain: float) -> float:

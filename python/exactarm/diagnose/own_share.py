@@ -3,27 +3,45 @@ others in the model.
 
     share = 1 - S / S_without;  without it, the other parameters are fitted anew (linear picture, with their
     priors: curves that the data hold in check only by them would run away on rows that were not fitted).
+
+Its gain is the log of the density of the held-out rows with it, less that without it (held_out_evidence.py).
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import linalg
 
 from exactarm.diagnose.fitted import Fitted
+from exactarm.diagnose.held_out_evidence import freedom_of, log_density
 from exactarm.diagnose.problem import Problem
 
 _RIDGE = 1e-10  # of a column's square sum: what the data cannot tell stays where it is
 
 
-def own_shares(problem: Problem, fitted: Fitted, first: int) -> tuple[float, ...] | None:
+@dataclass(frozen=True)
+class Own:
+    """Of one effect: share of the held-out square sum, and what it gains there (nats; 0 where no row is held
+    out)."""
+
+    share: float
+    gain: float
+
+
+def own_shares(problem: Problem, fitted: Fitted, first: int) -> tuple[Own, ...] | None:
     """Of every effect of the layout from the place `first` on; None where the kind of data has no target."""
     judged = problem.held_out_picture(fitted)
     if judged is None:
         return None
     residual, jacobian = judged
     scale = fitted.sigma
-    square = float(np.sum((residual / scale) ** 2))
+    numbers = residual.shape[1]
+    error = lambda left: np.linalg.norm(left / scale, axis=1)
+    freedom = freedom_of(error(fitted.residual[fitted.weight > 0.0]), numbers)
+    worth = problem.correlation_factor(fitted) if len(problem.held_out) else 0.0
+    density = lambda left: log_density(error(left), numbers, freedom)
     design = fitted.design
     rows = fitted.data_numbers
     norm = np.maximum(np.linalg.norm(design, axis=0), 1e-300)
@@ -37,5 +55,7 @@ def own_shares(problem: Problem, fitted: Fitted, first: int) -> tuple[float, ...
         onto = design[:rows, rest].T @ (design[:rows, where] @ values) / norm[rest]
         step = linalg.solve(gram[np.ix_(rest, rest)], onto, assume_a="pos") / norm[rest]
         without = residual + jacobian[:, :, where] @ values - jacobian[:, :, rest] @ step
-        found.append(1.0 - square / max(float(np.sum((without / scale) ** 2)), 1e-300))
+        square, other = (float(np.sum(error(left) ** 2)) for left in (residual, without))
+        gain = float(worth * (density(residual) - density(without)))
+        found.append(Own(1.0 - square / max(other, 1e-300), gain))
     return tuple(found)

@@ -56,7 +56,8 @@ class Place:
     its place.
 
     rivals: (label, effect or None for an unknown function, probability), the most probable first, without the
-    cause itself; log_odds: of the set with it against the set without it.
+    cause itself; log_odds: of the set with it against the set without it; nothing: share of no cause at all
+    in what is against it in its place.
     """
 
     label: str
@@ -65,6 +66,7 @@ class Place:
     log_odds: float
     rivals: tuple[tuple[str, Effect | None, float], ...]
     round: int
+    nothing: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -285,12 +287,14 @@ def _places(found: Found, turn: int) -> list[Place]:
         others.remove(block.label)
         field = _slot(found.posterior, tuple(others))
         total = np.logaddexp.reduce([weight for _, weight in field])
-        rivals = sorted(((label, weight) for label, weight in field if label not in (None, block.label)),
+        against = [(label, weight) for label, weight in field if label != block.label]
+        nothing = np.exp(dict(against)[None] - np.logaddexp.reduce([weight for _, weight in against]))
+        rivals = sorted(((label, weight) for label, weight in against if label is not None),
                         key=lambda e: -e[1])
         named = tuple((label, _effect_at(found, others, label), float(np.exp(weight - total)))
                       for label, weight in rivals[:8])
         places.append(Place(block.label, at_values(block, scale, value), min(inclusion[block.label], 1.0),
-                            log_odds, named, turn))
+                            log_odds, named, turn, float(nothing)))
     return sorted(places, key=lambda p: -p.log_odds)
 
 
