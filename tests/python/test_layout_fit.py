@@ -81,6 +81,24 @@ def test_the_last_round_is_brought_to_the_end():
     assert found.fit.converged and 0.0 < found.fit.offset < 1e-11
 
 
+@pytest.mark.parametrize(("rms", "half"), [(6.0**0.5, 0.45), (8.0**0.5, 0.45)])
+def test_an_error_that_two_components_can_have_settles(rms, half):
+    """One parameter moves it from the first to the second: the noise follows in steps that hardly fall."""
+    rng = np.random.default_rng(12)
+    columns, noise = np.zeros((4000, 2, 4)), rng.standard_normal((4000, 2))
+    wave = rms * np.sqrt(2.0) * np.sin(np.arange(4000))
+    columns[:, 0, 0], columns[:, 1, 0] = wave, -wave
+    measured = noise + np.column_stack([wave, 0.0 * wave])
+    found = fit_layout(linear(columns, measured), layout((half, 0.0, 0.0, 0.0)), np.ones(4000),
+                       alike=np.arange(2))
+    assert found.fit.converged
+    left = measured - columns @ found.fit.x
+    np.testing.assert_allclose(found.sigma, np.sqrt(np.mean(left**2, axis=0)), rtol=0.02)
+    again = fit_layout(linear(columns, measured), found.layout, np.ones(4000), alike=np.arange(2),
+                       sigma=found.sigma)
+    np.testing.assert_allclose(again.sigma, found.sigma, rtol=0.03)
+
+
 @pytest.mark.parametrize(("effect", "drawing", "centre", "spread"), [
     (Line, {}, [0.0] * 4, [np.inf, PRIOR, np.inf, np.inf]), (DrawnLine, {}, [0.5] * 4, [1.0, 1.0, 2.0, 1.0]),
     (Line, {"one": (0.7, 0.2)}, [0.7, 0.0, 0.0, 0.0], [0.2, PRIOR, np.inf, np.inf]),

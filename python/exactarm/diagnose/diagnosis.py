@@ -333,11 +333,12 @@ def _finding(accepted: Accepted, last, declared, place, errors, problem, own_sha
     caveat = effect.caveat(covariance)
     before, after = errors[accepted.round], errors[accepted.round + 1]
     judged = "validation" if before["validation"].size else "identification"
+    evidence = (f"log evidence {accepted.evidence:.0f} over a model without it, "
+                if np.isfinite(accepted.evidence) else "")  # of rows that are wrong: a share, no odds
     fall = f"{judged} RMS {rms_of(_judged(before)):.3g} to {rms_of(_judged(after)):.3g} {problem.unit}"
     return Finding(
         effect, intervals, rms_of(_judged(before)), rms_of(_judged(after)), probability,
-        f"{effect.describe_on(problem.robot)}; log evidence {accepted.evidence:.0f} over a model without it, "
-        + fall
+        f"{effect.describe_on(problem.robot)}; " + evidence + fall
         + (f"; {caveat}" if caveat else "")
         + (f"; likelier: {accepted.likelier}" if accepted.likelier else ""),
         derived, accepted.credible_set, own_share, accepted.likelier, caveat)

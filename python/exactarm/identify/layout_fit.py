@@ -21,6 +21,7 @@ Predict = Callable[[Layout, bool], tuple[np.ndarray, np.ndarray | None]]
 Drawing = Mapping[str, tuple[float, float]]  # name of a parameter: declared value, plausible deviation
 
 _ROUNDS = 12
+_SLOW, _SLOWEST = 0.5, 0.9  # ratio of two steps from which a series is summed, up to ten times its last one
 _SETTLED = 0.01  # relative change of a standard deviation
 _ALONG = 1e-3  # share of the square sum still to fall: a twentieth of `_SETTLED` in a standard deviation
 _LEAST_FREE_SHARE = 0.1  # of the numbers that is left for the noise, however many parameters there are
@@ -107,6 +108,7 @@ def fit_layout(predict: Predict, layout: Layout, weight: np.ndarray, sigma: np.n
         sigma = np.maximum(_spread(start, np.zeros(components), alike, share[rows]), floor)
     one_scale = not len(pull) and np.unique(alike).size == 1  # which no estimate hangs on
     numbers = float(np.sum(np.minimum(weight[rows] ** 2, share[rows]))) * components + len(pull)
+    moved = np.zeros(components)
     exact = one_scale  # the noise is sought along the way: only its last round is brought to the end
     for _ in range(_ROUNDS):
         each = (weight[rows, None] / sigma).ravel()
@@ -120,10 +122,14 @@ def fit_layout(predict: Predict, layout: Layout, weight: np.ndarray, sigma: np.n
         left = fit.clipped[: each.size].reshape(-1, components)
         new = np.maximum(_spread(left, spent, alike, share[rows]), floor)
         near = one_scale or bool(np.all(np.abs(new / sigma - 1.0) < _SETTLED))
-        settled, exact = near and exact, near
+        settled, exact = near and exact, near or exact
+        moved, before = np.log(new / sigma), moved
         x, sigma = fit.x, new
         if settled:
             break
+        slow = float(moved @ before) / max(float(before @ before), 1e-300)
+        if slow > _SLOW:  # an error that one component can take from another: Aitken's step along the series
+            sigma = np.maximum(new * np.exp(moved / (1.0 / min(slow, _SLOWEST) - 1.0)), floor)
     if fit.freedom > 0 and fit.sigma > 0.0 and not one_scale:
         # sigma is what the data alone have left: the pulls of priors are no measure of it
         covariance = fit.covariance / fit.sigma**2 if len(pull) or worth is not None else fit.covariance
