@@ -15,6 +15,7 @@ from exactarm.diagnose.verdict import (
     verdict_of_causes,
 )
 from exactarm.identify.statistics import summarise
+from exactarm.noise.estimate import normal_noise
 
 
 def normal(scale, seed, count=400):
@@ -77,8 +78,8 @@ def test_an_error_that_rises_is_told_from_one_that_does_not_change():
 
 @pytest.mark.parametrize("nothing, verdict", [(0.4, NOTHING), (0.01, UNEXPLAINED)])
 def test_without_a_name_nothing_is_missing_unless_the_posterior_excludes_it(nothing, verdict):
-    causes = SimpleNamespace(probability_something_else=0.0, wanders=(), places=(),
-                             probability_nothing=nothing)
+    causes = SimpleNamespace(probability_something_else=0.0, places=(), probability_nothing=nothing,
+                             noise=normal_noise(np.ones((4, 3))))
     after = {"validation": summarise(np.ones(4))}
     assert verdict_of_causes(causes, after, SimpleNamespace(measured=False, value=1.0), 1.0) == verdict
 

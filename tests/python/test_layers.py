@@ -42,7 +42,7 @@ MAY_IMPORT = {
     "chain": MODEL | {"view", "rest_load"},
     "robot_file": MODEL,
     "measurement": MODEL | {"view", "measurement"},
-    "noise": {"leaf", "noise"},
+    "noise": LEAVES | {"noise"},
     "plan": MODEL | {"view", "robot_file", "plan"},
     "simulate": MEASURED | {"view", "simulate"},
     "compensate": MODEL | {"robot_file", "compensate"},

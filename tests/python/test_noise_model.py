@@ -2,13 +2,12 @@
 covariance."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from exactarm.diagnose.evidence import Absorbed
-from exactarm.diagnose.posterior import Causes
+from exactarm.diagnose.not_noise import not_noise
 from exactarm.noise.estimate import estimate_noise
 from exactarm.noise.model import NoiseModel
 from exactarm.noise.wandering import SESSIONS_APART, Wandering, kernel
@@ -65,8 +64,20 @@ def test_few_independent_stretches_of_a_session_are_a_drift():
 def test_a_device_that_drifts_or_wanders_is_told_in_words(ratio, memory, words):
     noise = NoiseModel(np.full(3, SIGMA), np.ones(200), wandering=Wandering(ratio, memory, 50.0),
                        order=np.arange(200.0))
-    said = Causes.wanders.fget(SimpleNamespace(noise=noise))
+    said = not_noise(noise)
     assert words in str(said[0]) if words else not said
+
+
+@pytest.mark.parametrize("corner", [True, False])
+def test_wrong_rows_of_one_corner_are_a_structure(corner):
+    rng = np.random.default_rng(31)
+    place, residual = rng.uniform(-1.0, 1.0, (150, 3)), SIGMA * rng.standard_normal((150, 3))
+    nearest = np.argsort(np.linalg.norm(place - 1.0, axis=1))
+    near = nearest[:6] if corner else rng.choice(150, 6, replace=False)
+    residual[near] += 20.0 * SIGMA * np.array([0.6, 0.0, 0.8])
+    noise = estimate_noise(residual, place=place, order=np.arange(150.0))
+    assert noise.wrong.sum() == (0 if corner else 6) and noise.together == (6 if corner else 0)
+    assert len(not_noise(noise)) == corner and (noise.wrong_probability > 0.99) != corner
 
 
 def moderate_rows(seed, rows, freedom=np.inf, share=0.03):

@@ -35,6 +35,7 @@ from exactarm.data.split import DEFAULT_SEED
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.diagnose.diagnosis import diagnose as find_causes
 from exactarm.diagnose.draft import Draft
+from exactarm.diagnose.not_noise import probability_of as probability_not_noise
 from exactarm.diagnose.posterior import Causes
 from exactarm.diagnose.verdict import UNEXPLAINED, remains
 from exactarm.errors import InputError
@@ -237,7 +238,8 @@ def _unknown(result: Diagnosis) -> dict[str, Any]:
     unknown = result.unknown
     if unknown and result.causes is not None:
         causes, share = result.causes, ""
-        probability = causes.probability_something_else if causes.unknown else causes.wandering_probability
+        probability = (causes.probability_something_else if causes.unknown
+                       else probability_not_noise(causes.noise))
     return {
         "effect": "unknown", "joint": None, "parameters": {},
         "validation_rms_before": rms, "validation_rms_after": rms,

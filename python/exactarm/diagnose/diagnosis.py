@@ -23,6 +23,7 @@ from exactarm.diagnose.in_space import InSpace
 from exactarm.diagnose.joint_fit import refit
 from exactarm.diagnose.left_over import LeftOver, left_over
 from exactarm.diagnose.noise import NoiseFloor, noise_floor
+from exactarm.diagnose.not_noise import not_noise
 from exactarm.diagnose.own_share import own_shares
 from exactarm.diagnose.posterior import Causes, find_causes, selection_of, steps_win
 from exactarm.diagnose.problem import Problem
@@ -223,7 +224,7 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
 def _unknown_beside(causes: Causes | None, findings: tuple[Finding, ...]) -> tuple[Structure, ...]:
     """What is known of causes that the library lacks."""
     if causes is not None:
-        return causes.unknown + causes.wanders
+        return causes.unknown + not_noise(causes.noise)
     return tuple(dict.fromkeys(finding.likelier for finding in findings if finding.likelier))
 
 

@@ -35,12 +35,6 @@ from exactarm.noise.estimate import log_likelihood_under
 from exactarm.noise.model import NoiseModel
 
 WRONG_ROW_FALSE_ALARM = 0.01  # of a whole data set: what the threshold of the effect is set for
-WANDERS_AT = 2.0  # times the noise without it: a device that stands still would halve what is left
-# independent stretches of a session, below which what a device wanders is a drift: drifts gave 1.9
-# (bench/leave_one_out.py), noise with a memory of 2 to 12 rows 11 to 121 (bench/reliability.py)
-DRIFTS_BELOW = 5.0
-# of a row's variance that the next one shares: less, and a row is mostly its own, whatever it is called
-COMMON = 0.5
 UNKNOWN = "unknown"  # in the place of a name, for a cause that the library lacks
 _CREDIBLE = 0.95
 _ROUNDS = 4  # of search beside what has been found
@@ -83,25 +77,6 @@ class Causes:
     test: SelfTest
     score: float  # log of likelihood times prior of the best set of the last round
     name_prior: float  # mean log prior of a name of the library as the next cause
-
-    @property
-    def wandering_probability(self) -> float:
-        """That neighbouring rows share something, by the likelihood that pays for its two parameters."""
-        w = self.noise.wandering
-        return 0.0 if w is None else float(special.expit(w.gain - np.log(len(self.noise.order))))
-
-    @property
-    def wanders(self) -> tuple[Structure, ...]:
-        """The device wanders, where that is as much as all other noise, or drifts."""
-        noise = self.noise
-        drifts = noise.stretches < DRIFTS_BELOW and noise.common_to_neighbours >= Problem.share_left
-        if not drifts and (noise.wander_over_rest < WANDERS_AT or noise.common_to_neighbours < COMMON):
-            return ()
-        shared = noise.wander_over_rest**2 - 1.0
-        does = "drifts with time" if drifts else "wanders or jumps"
-        return (Structure(f"the device {does}: neighbouring rows share "
-                          f"{shared:.{0 if shared >= 1.0 else 1}f} times the variance of one row alone, for "
-                          f"about {noise.wandering.memory:.0f} rows", wanders=True),)
 
 
 def find_causes(problem: Problem, declared: Layout, progress: Progress = lambda text: None) -> Causes | None:

@@ -90,7 +90,7 @@ class Problem(ABC):
 
     def noise_of(self, left: np.ndarray, lost: float | np.ndarray = 0.0) -> NoiseModel:
         """The noise of the rows (N, m), from what `lost` parameters, in all or of each component, leave."""
-        return estimate_noise(left, lost, self.groups(), self.order())
+        return estimate_noise(left, lost, self.groups(), self.order(), self.data.position)
 
     def groups_for(self, response: np.ndarray) -> np.ndarray:
         """The groups by which an effect is judged whose response has the square (N,) in each row."""

@@ -15,6 +15,7 @@ import numpy as np
 from exactarm.diagnose.dossier import Dossier
 from exactarm.diagnose.held_out_evidence import AGAINST
 from exactarm.diagnose.noise import NoiseFloor
+from exactarm.diagnose.not_noise import not_noise
 from exactarm.diagnose.posterior import Causes
 from exactarm.diagnose.selection import NAMED_AT
 from exactarm.diagnose.signal import Structure
@@ -38,7 +39,9 @@ def verdict_of_causes(causes: Causes, after, noise: NoiseFloor, excess: float) -
     """From the posterior; held-out rows and repeated visits may only object."""
     judged = "validation" if after["validation"].n else "identification"
     far = noise.measured and after[judged].rms > _FAR_ABOVE_NOISE * noise.value
-    if causes.probability_something_else >= NAMED_AT or causes.wanders or carries_badly(excess) or far:
+    if causes.probability_something_else >= NAMED_AT or not_noise(causes.noise):
+        return UNEXPLAINED
+    if carries_badly(excess) or far:
         return UNEXPLAINED
     if causes.places:
         return EXPLAINED

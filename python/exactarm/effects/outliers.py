@@ -11,17 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import special
-from scipy.spatial import cKDTree
 
 from exactarm.data.kinds import POSES
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.numerics.together import lie_together
 
 _LARGEST_SHARE = 0.2  # more than that is no longer a few wrong rows
 _FALSE_ALARM = 0.01  # of a whole data set
-_TOGETHER_BY_CHANCE = 0.999
-_LEAST_EXPECTED = 0.25  # pairs: two rows that are each other's neighbours may agree by chance, three may not
 _CLEAR_GAP = 4.0
-_ALIKE_COSINE, _ALIKE_SHARE = 0.5, 0.25  # of two random directions, a quarter lie within 60 degrees
 
 
 @dataclass(frozen=True)
@@ -65,15 +62,12 @@ class Outliers(Effect):
         residual = view.data.position - view.measured
         norm = np.linalg.norm(residual, axis=1)
         rows = np.arange(len(norm))
-        nearest = cKDTree(view.measured).query(view.measured, k=2)[1]
-        # a repeated visit may come first
-        neighbour = np.where(nearest[:, 0] == rows, nearest[:, 1], nearest[:, 0])
         usual = cls.threshold(residual)
         for limit in (usual, _gap(norm, usual)):
             wrong = norm > limit
             if not 0 < wrong.sum() <= _LARGEST_SHARE * len(wrong):
                 return ()
-            if all(_scattered(residual, wrong, beside) for beside in (np.roll(rows, -1), neighbour)):
+            if not any(lie_together(residual, wrong, place) for place in (rows, view.measured)):
                 return (cls(None, (limit,)),)
         return ()
 
@@ -90,16 +84,3 @@ def _gap(norm: np.ndarray, limit: float) -> float:
     widest = int(np.argmax(ratio)) if len(ratio) else -1
     return (float(np.sqrt(above[widest] * above[widest + 1])) if widest >= 0 and ratio[widest] > _CLEAR_GAP
             else np.inf)
-
-
-def _scattered(residual: np.ndarray, wrong: np.ndarray, beside: np.ndarray) -> bool:
-    """Whether wrong rows have neighbours wrong the same way no more often than chance has it (Poisson, 1 in
-    1,000).
-
-    The same way: within 60 degrees. A fit that a wrong row pulls leaves its neighbours wrong the other way.
-    """
-    pairs = wrong & wrong[beside]
-    length = np.maximum(np.linalg.norm(residual, axis=1), np.finfo(float).tiny)
-    alike = np.einsum("ij,ij->i", residual, residual[beside]) > _ALIKE_COSINE * length * length[beside]
-    expected = wrong.mean() * wrong.sum() * _ALIKE_SHARE
-    return (pairs & alike).sum() <= special.pdtrik(_TOGETHER_BY_CHANCE, max(expected, _LEAST_EXPECTED))

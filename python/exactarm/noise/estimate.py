@@ -21,6 +21,7 @@ from scipy import special
 
 from exactarm.noise.model import NoiseModel
 from exactarm.noise.wandering import gain_of, wandering_of
+from exactarm.numerics.together import lie_together
 
 FREEDOMS = (30.0, 10.0, 5.0, 3.0)
 # width of wrong rows, times the noise, any in between as likely by its logarithm: below the least a Student
@@ -38,11 +39,12 @@ _LEAST_WITHIN = 1e-6
 
 def estimate_noise(
     residual: np.ndarray, lost: float | np.ndarray = 0.0, visits: np.ndarray | None = None,
-    order: np.ndarray | None = None,
+    order: np.ndarray | None = None, place: np.ndarray | None = None,
 ) -> NoiseModel:
     """The best family for residuals (N, m); lost: parameters that were fitted to them, in all or to each
     component (m,), the precise ones having the most; visits (N,): numbers of poses; order (N,): places of the
-    rows in the order in which they were measured."""
+    rows in the order in which they were measured; place (N, d): where they were measured. Rows that lie
+    together there are not wrong by themselves."""
     rows, m = residual.shape
     each = np.broadcast_to(np.asarray(lost) / (m if np.ndim(lost) == 0 else 1), m)
     blow = np.sqrt(rows / np.maximum(rows - each, 1.0))  # a fit leaves less than the noise
@@ -56,11 +58,16 @@ def estimate_noise(
             further += [scales, scales + 2.0]  # share and width of the gross rows
     price = 0.5 * np.log(rows) * np.array(further)
     values = np.array([model.log_likelihood for model in found]) - price
+    seem = found[1].wrong  # beside a normal law: a structure makes heavy tails, too
+    in_space, in_time = (at is not None and lie_together(residual, seem, at) for at in (place, order))
+    if in_space or in_time:
+        values[1::2] = -np.inf
+    together = int(seem.sum()) if in_space else 0
     wrong = special.expit(special.logsumexp(values[1::2]) - special.logsumexp(values[::2]))
     found = [replace(model, wrong_probability=float(wrong)) for model in found]
     best = _with_visits(found[int(np.argmax(values))], residual, lost, visits)
     if order is None:
-        return best
+        return replace(best, together=together)
     # Jumps of an instrument look like heavy tails as long as nothing is known of them: a normal law is tried
     # beside the best.
     normal = max((k for k, model in enumerate(found) if model.family == "gauss"), key=lambda k: values[k])
@@ -68,7 +75,8 @@ def estimate_noise(
     wandering = {k: _wandering(model, e, order) for k, model in tried.items()}
     gain = {k: values[k] + (model.wandering.gain if model.wandering is not None else 0.0)
             for k, model in wandering.items()}
-    return wandering[max(gain, key=lambda k: gain[k])]
+    best = wandering[max(gain, key=lambda k: gain[k])]
+    return replace(best, together=together if best.wandering is None else 0)
 
 
 def _with_visits(noise: NoiseModel, residual: np.ndarray, lost: float,

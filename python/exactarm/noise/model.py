@@ -29,7 +29,8 @@ class NoiseModel:
 
     visits (N,): numbers of the poses; shared: variance that visits of one pose have in common, in units of
     sigma^2. wandering: what neighbours in the order (N,) of the rows have in common. wrong_probability: that
-    any row is wrong by itself, and no heavy tail of all of them.
+    any row is wrong by itself, and no heavy tail of all of them. together: how many rows seemed to be, yet
+    lie together in space and err the same way, and nothing in time explains that.
     """
 
     sigma: np.ndarray
@@ -42,6 +43,7 @@ class NoiseModel:
     wandering: Wandering | None = None
     order: np.ndarray | None = None
     wrong_probability: float = 0.0
+    together: int = 0
 
     @property
     def held_share(self) -> float:
