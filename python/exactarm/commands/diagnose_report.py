@@ -151,7 +151,8 @@ def _outliers(result: Diagnosis) -> tuple[str, ...]:
 def _next(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contribution | None]]) -> list[Text]:
     """What the reader does with this page."""
     lines = []
-    corrected = sorted({f.effect.in_plain_words for f, _ in found if f.effect.compensable})
+    stood, refuted = stood_and_refuted(result.findings)
+    corrected = sorted({f.effect.in_plain_words for f in stood if f.effect.compensable})
     if found and not _pays(result):
         lines.append("The causes are probable by the fitted rows, but do not lower the error of the others: "
                      "keep your robot file until a new measurement decides.")
@@ -164,6 +165,9 @@ def _next(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contributi
     elif result.verdict == NOTHING and robot.has_geometry:
         lines.append("Nothing need be added. `robot.toml` of this folder is your robot file with its own "
                      "parameters estimated again from these data.")
+    if refuted and corrected:
+        lines.append(f"It also holds {in_words([f.effect.title for f in refuted])}, less likely than not: "
+                     "take its `[[effects]]` out of `robot.toml` unless new rows speak for it.")
     if result.verdict == NOTHING and (worse := worse_elsewhere(result)):
         lines.append(worse)
     if result.verdict == NOTHING and not result.noise.measured:
