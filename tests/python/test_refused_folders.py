@@ -194,7 +194,7 @@ def test_what_comes_into_the_way_during_the_work_is_found_at_its_end(tmp_path):
 
 # -- read-only folders -------------------------------------------------------------------------------------
 DAC_OVERRIDE = 1 << 1  # the capability by which root writes into what is read-only
-THIS_THREAD = (ctypes.c_uint32 * 2)(0x20080522, 0)  # version 3 of capabilities: two words of each of three sets
+THIS_THREAD = (ctypes.c_uint32 * 2)(0x20080522, 0)  # version 3: two words of each of three sets
 PR_GET_SECUREBITS, PR_SET_SECUREBITS, NO_SETUID_FIXUP = 27, 28, 1 << 2  # else access() asks what root might
 
 
