@@ -196,6 +196,7 @@ def test_repeated_poses_stay_on_one_side(arm):
     assert result.after["validation"].rms < 1.5 * FLOOR_M
 
 
+@pytest.mark.slow
 def test_calibrated_robot_is_as_good_on_fresh_data(arm, tmp_path):
     """Through its file, tables, compliance and all, with only the frames refitted."""
     rng = np.random.default_rng(66)

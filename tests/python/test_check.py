@@ -219,6 +219,7 @@ def test_poses_that_were_left_out_on_some_days_do_no_harm():
     assert any("not every pose" in warning for warning in result.warnings)
 
 
+@pytest.mark.slow
 def test_a_new_set_up_of_the_instrument_is_no_move():
     """Each day from another place (session): the base takes it; an axis is still seen."""
     arm, truth, q, random = an_arm_for(11)
@@ -236,6 +237,7 @@ def test_a_new_set_up_of_the_instrument_is_no_move():
     assert loud["moved"] and loud["causes"][0]["cause"] == "zero of axis 3"
 
 
+@pytest.mark.slow
 def test_without_the_poses_before_the_model_says_the_noise():
     arm, truth, q, random = an_arm_for(12)
     before = measured(arm, [truth], [joints_in_limits(arm, 80, random)], NOISE_M, random)

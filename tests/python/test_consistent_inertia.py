@@ -147,6 +147,7 @@ def loaded_masses(robot):
     return by_urdf, by_mjcf, sum(body.mass for body in model.inertias), model
 
 
+@pytest.mark.slow
 def test_the_identified_real_arm_loads_in_simulators_and_costs_little(tmp_path):
     """Staubli TX40, no masses declared: bodies cost less than 2 % of the torque error."""
     robot = load_robot("tx40")

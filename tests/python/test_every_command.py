@@ -167,6 +167,7 @@ def numbers(value: object, name: str = "") -> dict[str, object]:
     return {path: each for key, part in parts for path, each in numbers(part, f"{name}.{key}").items()}
 
 
+@pytest.mark.slow
 def test_the_size_of_the_blocks_of_columns_changes_the_rounding_alone(monkeypatch):
     """Of a product with the same matrix, which adds up in another order where it is wider."""
     data = ea.read(ea.example("kr300/run_A"), "kr300", kind="gear_run")

@@ -213,6 +213,7 @@ def test_intervals_count_correlated_samples():
     np.testing.assert_allclose(autocorrelation(moving - mean, [np.arange(4000)], 2)[1], 24 / 25, atol=0.02)
 
 
+@pytest.mark.slow
 def test_real_arm():
     """Staubli TX40, first 60 % fitted: what a plain study with the right friction reaches on the last 40
     %."""

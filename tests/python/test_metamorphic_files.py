@@ -248,6 +248,7 @@ def fleet(tmp_path_factory):
     return run
 
 
+@pytest.mark.slow
 def test_jobs_in_another_order_or_by_more_workers_have_the_same_results(fleet):
     jobs = [(name, name) for name in JOBS]
     one = fleet(jobs)

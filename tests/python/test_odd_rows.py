@@ -77,6 +77,7 @@ def test_rows_that_come_again_by_chance_or_with_other_noise_are_no_second_file(u
     assert first_aid(robot, few) == first_aid(robot, twice) == ()
 
 
+@pytest.mark.slow
 def test_neighbours_in_a_corner_are_not_suspected_for_their_orientations(ur10):  # noqa: F811
     """They hardly show the base's rotation: 0.08 rad were once told as another quaternion."""
     robot, data = ur10

@@ -138,6 +138,7 @@ def test_what_the_partner_does_not_know_of_itself_stands_in_the_intervals_of_the
     assert max(ratios) > 2.0 and min(ratios) > 0.9  # most are told by the touches themselves, d_3 is not
 
 
+@pytest.mark.slow
 def test_a_partner_from_a_drawing_is_estimated_too_and_tells_no_scale():
     robot, data, _ = touched("panda", 2)
     drawn = with_partner(data, load_robot("panda"))

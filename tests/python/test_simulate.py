@@ -123,6 +123,7 @@ def test_calibration_recovers_a_deviated_robot():
     assert result.after["validation"].rms < 1.6 * np.sqrt(3.0) * 1e-4
 
 
+@pytest.mark.slow
 def test_identification_recovers_masses_and_friction():
     """Swinging springs and all: the friction and masses that moved the virtual robot come back."""
     random = np.random.default_rng(6)

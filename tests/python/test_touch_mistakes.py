@@ -48,6 +48,7 @@ def test_mistakes_in_the_angles_of_touches_are_named(name, contact):
     assert told(changed(robot.nominal, data)) == []
 
 
+@pytest.mark.slow
 def test_mistakes_are_named_where_a_cube_is_touched():
     """The touches of a whole face of every arm lie in one plane where axis 1 stands still; that is no
     explanation."""

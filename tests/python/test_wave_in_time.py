@@ -75,6 +75,7 @@ def waves_of_the_gear(result):
     return [effect.values[0] for effect in found]
 
 
+@pytest.mark.slow
 def test_a_wave_of_the_gear_stays_one(racer):
     result = diagnose(racer, one_speed(racer, gear=True))
     assert result.verdict == "explained"
