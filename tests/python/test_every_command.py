@@ -144,8 +144,8 @@ BLOCKS = ((evaluate, "BLOCK_ROWS", 7), (held_out, "BLOCK_ROWS", 7), (misfit, "_M
           (self_test, "_STRIP", 11))
 
 
-@pytest.mark.parametrize("command", ["evaluate", "certify",
-                                     pytest.param("diagnose", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("command", ["evaluate", *(pytest.param(name, marks=pytest.mark.slow)
+                                                   for name in ("certify", "diagnose"))])
 def test_the_size_of_the_blocks_gives_the_same_bits(command, folder, tmp_path, monkeypatch):
     found = []
     for blocks in ((), BLOCKS):
