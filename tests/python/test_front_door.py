@@ -156,6 +156,7 @@ def test_a_result_is_saved_as_the_command_line_saves_it(result, tmp_path):
     assert ea.load_robot(tmp_path / "out" / "robot.toml").joints == result.robot.joints
 
 
+@pytest.mark.slow
 def test_results_are_values(result):
     again = ea.calibrate("ur10", ea.read(SERIES, "ur10"), threads=1)
     assert again == result and hash(again) == hash(result)

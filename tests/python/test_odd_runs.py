@@ -125,7 +125,8 @@ def test_right_runs_are_not_suspected(runs, count):
     assert first_aid(six_axis(), joined(*runs[:count])) == ()
 
 
-@pytest.mark.parametrize("parts", [pytest.param(2, marks=pytest.mark.slow), 4])
+@pytest.mark.slow
+@pytest.mark.parametrize("parts", [2, 4])
 def test_the_shipped_motion_in_parts_is_not_suspected(parts):
     robot = load_robot("tx40")
     data = read_dataset(data_path("tx40/motion.parquet"), robot)

@@ -95,7 +95,7 @@ def test_derivatives_of_the_distance_of_two_balls(size):
 
 @pytest.mark.parametrize("slipped", [0.0, 0.05])
 def test_an_arm_of_another_size_is_refused_before_any_fit(slipped, monkeypatch):
-    robot, data, _ = touched("ur10", 3, slipped=slipped)
+    robot, data, _ = touched("ur10", 3, count=60, slipped=slipped)
     rows, tools = touches(data), [np.zeros(3), np.array([0.1, -0.2, 0.3])]
     enough = WORST_SHARE * reach(robot.nominal)
     assert partner_misfit(robot.nominal, Layout.of(()), rows, tools, enough) < 0.1 * enough

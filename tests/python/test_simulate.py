@@ -305,7 +305,8 @@ def simulate(arm, out, *words):
 @pytest.mark.parametrize("measure, file, kind, words", [
     ("poses", "measured.csv", "poses", ["--count", "20", "--visits", "2", "--temperature", "20", "40"]),
     ("gear", "gear_runs.parquet", "gear_run", ["--joint", "2", "--repeats", "1", "--rate", "250"]),
-    ("motion", "motion.parquet", "motion", ["--runs", "2", "--seconds", "1.5", "--rate", "250"]),
+    pytest.param("motion", "motion.parquet", "motion", ["--runs", "2", "--seconds", "1.5", "--rate", "250"],
+                 marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_command_measures_and_keeps_its_truth_apart(arm, tmp_path, measure, file, kind, words):
     hidden = ["--effect", "gear_ratio joint=2 scale=1.25e-3", "--deviation", "1"]
