@@ -314,6 +314,7 @@ def test_rows_of_a_coarse_device_are_not_called_copied(digits):
     assert not [line for line in ea.check(arm, before, days)["warnings"] if "copied" in line]
 
 
+@pytest.mark.slow
 def test_one_file_with_a_column_day_is_as_many_days(files):
     arm = ea.load_robot(files / "robot.toml")
     parts = [ea.read(files / f"day_{n}.csv", arm) for n in range(1, 7)]
@@ -337,6 +338,7 @@ def test_one_file_with_a_column_day_is_as_many_days(files):
     np.testing.assert_array_equal(day_numbers(timed), np.repeat(np.arange(1.0, 7.0), 5))
 
 
+@pytest.mark.slow
 def test_columns_by_other_names_are_read_in_every_file(files, tmp_path):
     theirs = {"X": "x_m", "M3": "theta_3_rad"}
     for path in sorted(files.glob("*.csv")):
