@@ -210,6 +210,7 @@ def test_two_things_at_once_are_not_called_one():
     assert result["verdict"] == "moved_unexplained" and "no single one" in result.verdict
 
 
+@pytest.mark.slow
 def test_poses_that_were_left_out_on_some_days_do_no_harm():
     arm, truth, q, random = an_arm_for(10)
     new = days_of(moved(truth, "q2", 2e-4), q, random, 6, arm)

@@ -165,6 +165,7 @@ def test_a_late_clock_is_taken_out_and_the_table_is_where_it_is():
     assert identify_gears(robot, data).robot.effects == ()
 
 
+@pytest.mark.slow
 def test_an_arm_that_swings_behind_its_ramps_does_not_hide_the_gear():
     """7 Hz, 4 % of damping, at the ends of three fifths of a turn: no order stood out beside it."""
     robot, _, data = case(0.0, turns=0.6, runs=4)

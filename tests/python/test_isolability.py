@@ -39,6 +39,7 @@ def test_seen_is_the_length_that_a_fit_leaves_of_the_cause(planned):
     assert np.sqrt(sum(squares)) / NOISE_M == pytest.approx(table.seen[at], rel=0.1)
 
 
+@pytest.mark.slow
 def test_an_axis_whose_turn_moves_nothing_shows_nothing():
     # the target lies on axis 6
     robot = replace(load_robot("ur10"), tool=Placement(position=np.array([0.0, 0.0, 0.1])))

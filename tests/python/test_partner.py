@@ -93,7 +93,7 @@ def test_derivatives_of_the_distance_of_two_balls(size):
     assert_derivative(lambda v: distances(v, *about)[0], v, distances(v, *about)[1], 1e-4)
 
 
-@pytest.mark.parametrize("slipped", [0.0, 0.05])
+@pytest.mark.parametrize("slipped", [0.0, pytest.param(0.05, marks=pytest.mark.slow)])
 def test_an_arm_of_another_size_is_refused_before_any_fit(slipped, monkeypatch):
     robot, data, _ = touched("ur10", 3, count=60, slipped=slipped)
     rows, tools = touches(data), [np.zeros(3), np.array([0.1, -0.2, 0.3])]

@@ -168,14 +168,16 @@ def test_a_spring_that_gives_way_against_its_load_and_a_negative_rotor_are_impos
 
 @cache
 def pushed():
-    return fitted_problem(*torque_data(-3.0))
+    """The problem of torques whose friction would push, its layout, its fit, and what may enter."""
+    problem, declared = fitted_problem(*torque_data(-3.0))
+    fitted = problem.fit(declared)
+    return problem, declared, fitted, selection.candidates_for(problem, fitted)
 
 
 @pytest.mark.parametrize("name", ["coulomb_friction", "viscous_friction", "stribeck_friction"])
 def test_friction_does_not_push(name):
-    problem, declared = pushed()
-    fitted = problem.fit(declared)
-    own = [e for e in selection.candidates_for(problem, fitted) if e.name == name]
+    problem, declared, fitted, field = pushed()
+    own = [e for e in field if e.name == name]
     for effect in own:
         trial = selection.refit(problem, declared, [effect], fitted)
         assert trial.layout.effects[-1].values[0] >= 0.0
