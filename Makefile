@@ -56,8 +56,6 @@ test-cpp: .setup/tests
 	  || { tail -n 80 $(BUILD)/ctest.log; exit 1; }
 	@tail -n 4 $(BUILD)/ctest.log
 
-# Byte code is kept, whatever the environment says: else every process compiles every test anew (5 s each).
-test-python: export PYTHONDONTWRITEBYTECODE :=
 test-python: export OMP_NUM_THREADS := 1
 test-python: export OPENBLAS_NUM_THREADS := 1
 test-python: .setup/tests

@@ -31,19 +31,19 @@ def central_difference(function: Callable[[np.ndarray], np.ndarray], x: np.ndarr
 
 def assert_derivative(
     function: Callable[[np.ndarray], np.ndarray], x: np.ndarray, analytic: np.ndarray, step, *,
-    relative: float = 1e-6
+    relative: float | np.ndarray = 1e-6
 ) -> None:
-    """Fails, naming the column, unless each column of `analytic` (..., P) agrees to `relative` of its largest
-    entry."""
+    """Fails, naming the column, unless each column of `analytic` (..., P) agrees to `relative`, one number or
+    (P,), of its largest entry."""
     numeric = central_difference(function, x, step)
     assert numeric.shape == np.shape(analytic), f"shape {np.shape(analytic)}, expected {numeric.shape}"
     values = np.abs(np.asarray(function(np.asarray(x, float))))
-    steps = np.broadcast_to(np.asarray(step, float), np.shape(x))
+    steps, shares = (np.broadcast_to(np.asarray(each, float), np.shape(x)) for each in (step, relative))
     for k in range(numeric.shape[-1]):
         difference = np.max(np.abs(numeric[..., k] - analytic[..., k]), initial=0.0)
         size = np.max(np.abs(numeric[..., k]), initial=0.0)
         rounding = 30.0 * np.finfo(float).eps * np.max(values, initial=0.0) / steps[k]
-        assert difference <= relative * size + rounding, (
+        assert difference <= shares[k] * size + rounding, (
             f"column {k}: largest difference {difference:.3g}, largest entry {size:.3g}, rounding "
             f"{rounding:.3g}"
         )

@@ -6,6 +6,7 @@ import itertools
 import os
 import shutil
 import signal
+import sys
 import tempfile
 from fnmatch import fnmatchcase
 
@@ -14,12 +15,17 @@ import pytest
 # A shell ignores Ctrl-C in jobs of the background, and programs under test inherit that.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+# Byte code is kept, whatever the environment says: else every worker and every child process compiles anew.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 _OF_MODULES = os.environ["EXACTARM_EFFECTS"] = tempfile.mkdtemp(prefix="exactarm-effects-")  # of modules
 
 
 def pytest_collection_finish():
-    """Modules and tests stay to the end: the garbage collector need not walk them again and again."""
+    """Modules and tests stay to the end: the garbage collector need not walk them again and again, nor after
+    every 700 new objects."""
     gc.freeze()
+    gc.set_threshold(50_000)
 
 
 def pytest_unconfigure():

@@ -130,6 +130,7 @@ def test_a_generic_load_may_change_its_sign_elsewhere():
                       np.full(layout.size, 1e-5))
 
 
+@pytest.mark.slow
 def test_rows_on_the_flank_that_a_guessed_load_does_not_give_are_not_wrong_by_themselves():
     """Where masses are guessed, nobody knows on which side of the play an arm rests near the change of its
     load: rows of the other flank are no broken beams, a row half a millimetre aside is one."""

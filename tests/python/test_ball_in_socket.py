@@ -45,6 +45,7 @@ def test_redundancies_are_dropped_by_name_with_the_reason():
         "d_7_m", "a_7_m", "alpha_7_rad", "q_offset_7_rad"}
 
 
+@pytest.mark.slow
 def test_without_a_known_length_the_scale_is_held_and_said():
     robot, data = measured("panda_7", type(FIXTURE)())
     result = calibrate_closures(robot, data)

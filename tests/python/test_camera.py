@@ -193,12 +193,12 @@ def test_wrongly_found_corners_are_left_out_and_counted():
 
 
 def test_a_file_of_corners_is_read_back(tmp_path):
-    robot, data = pictures("panda", 1, 5)
+    robot, data = pictures("panda", 1, 3)
     write_table(tmp_path / "rows.csv", dataset_columns(data, robot.nominal))
     again = read_dataset(tmp_path / "rows.csv", robot.nominal)
     np.testing.assert_allclose(again.pixel, data.pixel, rtol=1e-12)
     np.testing.assert_array_equal(again.corner, data.corner)
-    assert again.kind == "closures" and set(np.unique(again.picture)) == set(range(5))
+    assert again.kind == "closures" and set(np.unique(again.picture)) == set(range(3))
 
 
 def test_a_fixture_file_of_the_camera_is_read_back(tmp_path):

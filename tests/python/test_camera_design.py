@@ -68,6 +68,7 @@ def test_every_designed_pose_sees_the_board_within_the_limits(on_flange):
     assert design.deviation[2] < 0.95 * design.deviation[1] < 0.5 * design.deviation[0]
 
 
+@pytest.mark.slow
 def test_the_command_proposes_places_and_poses(tmp_path):
     (tmp_path / "fixture.toml").write_text(FIXTURE.format(on="flange"))
     words = ["design", "ur10", "--contact", "camera", "--fixture", str(tmp_path / "fixture.toml"), "--at",

@@ -210,6 +210,7 @@ def test_two_things_at_once_are_not_called_one():
     assert result["verdict"] == "moved_unexplained" and "no single one" in result.verdict
 
 
+@pytest.mark.slow
 def test_poses_that_were_left_out_on_some_days_do_no_harm():
     arm, truth, q, random = an_arm_for(10)
     new = days_of(moved(truth, "q2", 2e-4), q, random, 6, arm)
@@ -219,6 +220,7 @@ def test_poses_that_were_left_out_on_some_days_do_no_harm():
     assert any("not every pose" in warning for warning in result.warnings)
 
 
+@pytest.mark.slow
 def test_a_new_set_up_of_the_instrument_is_no_move():
     """Each day from another place (session): the base takes it; an axis is still seen."""
     arm, truth, q, random = an_arm_for(11)
@@ -236,6 +238,7 @@ def test_a_new_set_up_of_the_instrument_is_no_move():
     assert loud["moved"] and loud["causes"][0]["cause"] == "zero of axis 3"
 
 
+@pytest.mark.slow
 def test_without_the_poses_before_the_model_says_the_noise():
     arm, truth, q, random = an_arm_for(12)
     before = measured(arm, [truth], [joints_in_limits(arm, 80, random)], NOISE_M, random)
@@ -312,6 +315,7 @@ def test_rows_of_a_coarse_device_are_not_called_copied(digits):
     assert not [line for line in ea.check(arm, before, days)["warnings"] if "copied" in line]
 
 
+@pytest.mark.slow
 def test_one_file_with_a_column_day_is_as_many_days(files):
     arm = ea.load_robot(files / "robot.toml")
     parts = [ea.read(files / f"day_{n}.csv", arm) for n in range(1, 7)]
@@ -335,6 +339,7 @@ def test_one_file_with_a_column_day_is_as_many_days(files):
     np.testing.assert_array_equal(day_numbers(timed), np.repeat(np.arange(1.0, 7.0), 5))
 
 
+@pytest.mark.slow
 def test_columns_by_other_names_are_read_in_every_file(files, tmp_path):
     theirs = {"X": "x_m", "M3": "theta_3_rad"}
     for path in sorted(files.glob("*.csv")):

@@ -128,6 +128,7 @@ def test_what_the_motion_shows_is_not_moved_by_the_prior():
     assert abs(rms(one.after) / rms(other.after) - 1.0) < 0.01
 
 
+@pytest.mark.slow
 def test_exact_data_of_a_declared_arm_give_it_back():
     truth = six_axis()
     time, angle, _, _ = fourier_motion(truth, 12.0, 250.0, 4, base_hz=0.1, amplitude=0.9)
@@ -147,6 +148,7 @@ def loaded_masses(robot):
     return by_urdf, by_mjcf, sum(body.mass for body in model.inertias), model
 
 
+@pytest.mark.slow
 def test_the_identified_real_arm_loads_in_simulators_and_costs_little(tmp_path):
     """Staubli TX40, no masses declared: bodies cost less than 2 % of the torque error."""
     robot = load_robot("tx40")

@@ -173,6 +173,7 @@ def test_seats_of_a_fixture_are_in_the_base(name, tmp_path):
     assert np.ptp(seats[:, 2]) < 1e-12  # level in the base
 
 
+@pytest.mark.slow
 def test_a_board_of_a_design_is_in_the_base(tmp_path):
     arm = read_from_urdf("ur10", tmp_path)
     at = arm.fk(posture(arm), of="target")

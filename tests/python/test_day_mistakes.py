@@ -27,6 +27,7 @@ def test_a_mirror_image_is_named(points, columns, signs):
     assert "mirror" in day_mistake("Monday", points, points[:, columns] * signs, MOST_M)
 
 
+@pytest.mark.slow
 def test_what_may_have_happened_to_the_arm_is_none():
     """Base pushed, tool exchanged, a zero lost by 5 to 120 degrees: 1,400 days of 5 arms' poses, no word."""
     random, words = np.random.default_rng(7), []

@@ -81,6 +81,7 @@ def test_a_second_diagnosis_adds_nothing(robot, result):
     assert not again.findings
 
 
+@pytest.mark.slow
 def test_a_slow_cause_in_white_noise_is_no_drift(robot):
     """A ratio and a delay, either of them slow; what both leave is white."""
     data = measured(robot, 0.0)

@@ -38,6 +38,7 @@ def motion(robot, hidden=None):
     return motion_data(robot, time, angle, torque)
 
 
+@pytest.mark.slow
 def test_clean_torque_has_no_undeclared_effect(racer):
     result = diagnose(racer, motion(racer))
     assert result.verdict == NOTHING and not result.findings

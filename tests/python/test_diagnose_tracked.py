@@ -181,6 +181,7 @@ def test_where_the_fit_that_draws_them_does_not_arrive_they_are_held(monkeypatch
     assert held.size < drawn and other.fit(held).fit.converged
 
 
+@pytest.mark.slow
 def test_arm_without_masses_is_diagnosed_too():
     """Nothing carries a load: a flank is then chosen by the direction alone."""
     result = diagnose(replace(ur10(), links=None), tracked(None, 3, runs=2))

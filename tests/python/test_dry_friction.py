@@ -99,6 +99,7 @@ def test_rows_before_the_first_motion_of_a_run_wait_for_what_it_held():
     np.testing.assert_array_equal(replace(record, dry=known).keep, record.keep)
 
 
+@pytest.mark.slow
 def test_what_friction_holds_of_an_axis_at_rest_is_unknown():
     """A constant torque of a gear that never slides is no mass, and none of the robot's parameters."""
     robot, random = bare(), np.random.default_rng(5)
@@ -119,6 +120,7 @@ def test_what_friction_holds_of_an_axis_at_rest_is_unknown():
     assert "held_2_Nm" not in problem.updated_robot(fitted).intervals
 
 
+@pytest.mark.slow
 def test_every_fit_judges_the_same_rows():
     """Also where one takes friction by the way, whose first rows of a run nobody knows."""
     robot, random = bare(), np.random.default_rng(4)

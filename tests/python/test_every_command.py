@@ -144,8 +144,8 @@ BLOCKS = ((evaluate, "BLOCK_ROWS", 7), (held_out, "BLOCK_ROWS", 7), (misfit, "_M
           (self_test, "_STRIP", 11))
 
 
-@pytest.mark.parametrize("command", ["evaluate", "certify",
-                                     pytest.param("diagnose", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("command", ["evaluate", *(pytest.param(name, marks=pytest.mark.slow)
+                                                   for name in ("certify", "diagnose"))])
 def test_the_size_of_the_blocks_gives_the_same_bits(command, folder, tmp_path, monkeypatch):
     found = []
     for blocks in ((), BLOCKS):
@@ -167,6 +167,7 @@ def numbers(value: object, name: str = "") -> dict[str, object]:
     return {path: each for key, part in parts for path, each in numbers(part, f"{name}.{key}").items()}
 
 
+@pytest.mark.slow
 def test_the_size_of_the_blocks_of_columns_changes_the_rounding_alone(monkeypatch):
     """Of a product with the same matrix, which adds up in another order where it is wider."""
     data = ea.read(ea.example("kr300/run_A"), "kr300", kind="gear_run")

@@ -12,7 +12,7 @@ from exactarm.robot_file import load_robot
 
 
 @pytest.fixture(scope="module", params=[
-    pytest.param(("racer-7-1.4", "line", 10.0), id="line"),
+    pytest.param(("racer-7-1.4", "line", 5.0), id="line"),
     pytest.param(("racer-7-1.4", "spiral", 40.0), id="slow spiral", marks=pytest.mark.slow),
 ])
 def motion(request, tmp_path_factory):

@@ -39,6 +39,7 @@ def test_axes_fold_where_waves_pass_half_the_sampling_rate(waving, rate_hz):
     assert (share > 0.1) == (rate_hz < 1000.0)  # both occur
 
 
+@pytest.mark.slow
 def test_no_wave_is_searched_of_an_axis_that_folds(waving):
     data, _ = log_of(waving, 60.0)
     for robot, folds in ((waving, True), (replace(waving, joints=six_axis().joints), False)):

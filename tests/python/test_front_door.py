@@ -140,7 +140,8 @@ def test_plots_take_axes_and_give_axes(result):
     lambda: ea.plan("racer-7-1.4", "line", rate_hz=100),
     lambda: ea.identifiable("ur10", SERIES),
     lambda: ea.gear("kr300", [ea.example("kr300/run_A"), ea.example("kr300/run_B")]),
-    lambda: ea.identify("tx40", ea.example("tx40/motion"), friction_only=True),  # it has none of one panel
+    pytest.param(lambda: ea.identify("tx40", ea.example("tx40/motion"), friction_only=True),
+                 marks=pytest.mark.slow),  # it has none of one panel
 ])
 def test_a_figure_is_drawn_on_axes_that_exist(make):
     made = make()
@@ -155,6 +156,7 @@ def test_a_result_is_saved_as_the_command_line_saves_it(result, tmp_path):
     assert ea.load_robot(tmp_path / "out" / "robot.toml").joints == result.robot.joints
 
 
+@pytest.mark.slow
 def test_results_are_values(result):
     again = ea.calibrate("ur10", ea.read(SERIES, "ur10"), threads=1)
     assert again == result and hash(again) == hash(result)

@@ -62,7 +62,7 @@ def racer():
 
 @pytest.fixture(scope="module")
 def run_of_axis_2(racer):
-    case = GearRuns(joint=2, speed=60.0 * DEGREE, rate_hz=250.0, counts=0, tilt=(0.0, 0.0))
+    case = GearRuns(joint=2, speed=60.0 * DEGREE, rate_hz=125.0, counts=0, tilt=(0.0, 0.0))
     return simulate(racer, case)
 
 

@@ -47,7 +47,7 @@ def with_run_outs_found(hidden, seed=1):
     return problem, fitted, len(declared.effects), templates, count
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_every_axis_gets_the_curve_that_it_asks_for(seed):
     hidden = lambda rng: [curve(axis, 3e-5, 1.0, 40, rng) for axis in (1, 2, 3)]
     problem, fitted, first, templates, count = with_run_outs_found(hidden, seed)

@@ -172,7 +172,7 @@ def test_the_strongest_line_is_found_in_coloured_noise():
     assert_allclose(strongest_line([piece, piece[:200]], 2e-3), 31.0, atol=0.2)
 
 
-@pytest.mark.parametrize("shaken", [False, True])
+@pytest.mark.parametrize("shaken", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_a_vibration_in_time_is_told_and_no_gear_is_blamed_alone(racer, shaken):
     """A floor that shakes at 23 Hz in every run, whatever the speed: the verdict is `unexplained`. The clean
     runs, whose gyroscope low-passes its own noise, lack nothing."""
@@ -188,7 +188,7 @@ def test_a_vibration_in_time_is_told_and_no_gear_is_blamed_alone(racer, shaken):
     assert ("23" in " ".join(map(str, result.unknown))) == shaken
 
 
-@pytest.mark.parametrize("wave_rad", [0.0, 2e-5])
+@pytest.mark.parametrize("wave_rad", [0.0, pytest.param(2e-5, marks=pytest.mark.slow)])
 def test_counts_of_both_encoders_are_no_gear(racer, wave_rad):
     """Nothing but rounding, to 6 urad at the link: seven waves of the gear at 1.00 before. A wave above it is
     found."""

@@ -100,7 +100,8 @@ def test_a_row_between_lost_samples_has_no_rate():
     assert record.keep[900] and record.theta_dot[900, 0] != 0.0
 
 
-@pytest.mark.parametrize(("late_s", "way"), [(0.02, "behind"), (-0.02, "ahead of")])
+@pytest.mark.parametrize(("late_s", "way"), [
+    pytest.param(0.02, "behind", marks=pytest.mark.slow), (-0.02, "ahead of")])
 def test_another_clock_of_the_gyroscope_is_told(late_s, way):
     robot, _, data = case(0.0)
     rows = round(late_s * 500.0)
@@ -164,6 +165,7 @@ def test_a_late_clock_is_taken_out_and_the_table_is_where_it_is():
     assert identify_gears(robot, data).robot.effects == ()
 
 
+@pytest.mark.slow
 def test_an_arm_that_swings_behind_its_ramps_does_not_hide_the_gear():
     """7 Hz, 4 % of damping, at the ends of three fifths of a turn: no order stood out beside it."""
     robot, _, data = case(0.0, turns=0.6, runs=4)

@@ -184,6 +184,7 @@ def test_currents_are_said_to_lack_a_constant_where_they_do(declared, words):
     assert (about == []) if words is None else (len(about) == 1 and words in about[0])
 
 
+@pytest.mark.slow
 def test_axis_that_stands_still_has_no_friction_to_tell():
     robot = six_axis()
     data = log_of(robot, 8.0, 2)
@@ -213,6 +214,7 @@ def test_intervals_count_correlated_samples():
     np.testing.assert_allclose(autocorrelation(moving - mean, [np.arange(4000)], 2)[1], 24 / 25, atol=0.02)
 
 
+@pytest.mark.slow
 def test_real_arm():
     """Staubli TX40, first 60 % fitted: what a plain study with the right friction reaches on the last 40
     %."""

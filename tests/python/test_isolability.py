@@ -39,6 +39,7 @@ def test_seen_is_the_length_that_a_fit_leaves_of_the_cause(planned):
     assert np.sqrt(sum(squares)) / NOISE_M == pytest.approx(table.seen[at], rel=0.1)
 
 
+@pytest.mark.slow
 def test_an_axis_whose_turn_moves_nothing_shows_nothing():
     # the target lies on axis 6
     robot = replace(load_robot("ur10"), tool=Placement(position=np.array([0.0, 0.0, 0.1])))
@@ -57,6 +58,7 @@ def test_half_the_noise_is_twice_the_distance_and_none_exceeds_what_is_seen(plan
     assert np.all(apart <= table.seen[:, None] * (1.0 + 1e-9)) and np.all(np.isinf(np.diag(table.apart)))
 
 
+@pytest.mark.slow
 def test_a_narrow_axis_confuses_its_spring_with_its_gear():
     robot = replace(load_robot("ur10"), tool=Placement(position=np.array([0.05, 0.0, 0.1])))
     rng = np.random.default_rng(2)
@@ -71,6 +73,7 @@ def test_a_narrow_axis_confuses_its_spring_with_its_gear():
     assert apart(narrow) < 1.0 < 4.0 < apart(wide)
 
 
+@pytest.mark.slow
 def test_what_the_robot_file_declares_is_no_unknown():
     """A declared coupling moves the arm that is planned, too: without it no frames would fit."""
     robot = replace(load_robot("ur10"), effects=(JointCoupling(3, (2.0, 1.0)),))

@@ -63,6 +63,7 @@ def test_a_fit_that_did_not_converge_doubts_nothing():
     assert not length_doubts(stopped, rows, found.pulls)
 
 
+@pytest.mark.slow
 def test_a_wire_whose_zero_is_elsewhere_is_told():
     """10 mm: without a word it made the arm four times worse than its drawing."""
     robot, data = touched("panda", "bar", 5, count=30)
@@ -70,6 +71,7 @@ def test_a_wire_whose_zero_is_elsewhere_is_told():
     assert line.startswith("zero of bar 0") and "the touches say -9.99" in line
 
 
+@pytest.mark.slow
 def test_known_radii_place_the_tool():
     """With free radii the tool and the centres could run off together, by kilometres."""
     robot, data = touched("panda", "sphere", 5, count=30)

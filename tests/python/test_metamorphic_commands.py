@@ -115,7 +115,7 @@ FILES = {"poses": ("ur10", "ur10/series_B.csv"), "motion": ("tx40", "tx40/motion
 UNITS = {"_rad": ("_deg", 180.0 / np.pi), "_m": ("_mm", 1e3), "_rad_s": ("_deg_s", 180.0 / np.pi)}
 
 
-@pytest.mark.parametrize("kind", FILES)
+@pytest.mark.parametrize("kind", ["poses", pytest.param("motion", marks=pytest.mark.slow), "gear_run"])
 def test_units_of_a_file_mean_nothing_to_any_command(kind, tmp_path):
     name, file = FILES[kind]
     robot = load_robot(name)

@@ -248,12 +248,14 @@ def fleet(tmp_path_factory):
     return run
 
 
+@pytest.mark.slow
 def test_jobs_in_another_order_or_by_more_workers_have_the_same_results(fleet):
     jobs = [(name, name) for name in JOBS]
     one = fleet(jobs)
     assert fleet(jobs[::-1]) == one == fleet(jobs, "--workers", "2") and one["poses"]["error"]["rms"] > 0.0
 
 
+@pytest.mark.slow
 def test_a_job_twice_is_the_same_result_twice_and_that_of_the_job_alone(fleet):
     both = fleet([("first", "poses"), ("second", "poses")])
     assert both["first"] == both["second"] == fleet([("alone", "poses")])["alone"]

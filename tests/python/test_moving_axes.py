@@ -39,6 +39,7 @@ def test_of_one_kind_of_axes_the_largest_range_decides():
     assert not moving_axes(robot, np.zeros(2)).any()
 
 
+@pytest.mark.slow
 def test_a_quill_that_its_screw_turns_along_is_named():
     rng, robot = np.random.default_rng(5), scara()
     screw = effect_from_table({"effect": "joint_coupling", "joint": 3, "motor": 4,

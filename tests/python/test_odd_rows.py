@@ -52,7 +52,13 @@ PARTS = {
 }
 
 
-@pytest.mark.parametrize("name", PARTS)
+# Those that take over half a second.
+LONG = {"half in degrees", "half in radians labelled degrees", "columns that change", "rows of another order",
+        "a zero lost by 90 degrees"}
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name
+                                  for name in PARTS])
 def test_a_mistake_in_a_part_of_the_rows_is_told_with_its_place(ur10, name):  # noqa: F811
     robot, data = ur10
     change, words = PARTS[name]
@@ -60,7 +66,7 @@ def test_a_mistake_in_a_part_of_the_rows_is_told_with_its_place(ur10, name):  # 
     assert found and words in found[0], found
 
 
-@pytest.mark.parametrize("arm", ["ur10", "tx40", "kr300"])
+@pytest.mark.parametrize("arm", ["ur10", pytest.param("tx40", marks=pytest.mark.slow), "kr300"])
 def test_the_same_file_under_another_name_is_told(request, arm):
     robot, data = request.getfixturevalue(arm)
     rows = np.concatenate([np.arange(len(data))] * 2)
@@ -77,6 +83,7 @@ def test_rows_that_come_again_by_chance_or_with_other_noise_are_no_second_file(u
     assert first_aid(robot, few) == first_aid(robot, twice) == ()
 
 
+@pytest.mark.slow
 def test_neighbours_in_a_corner_are_not_suspected_for_their_orientations(ur10):  # noqa: F811
     """They hardly show the base's rotation: 0.08 rad were once told as another quaternion."""
     robot, data = ur10

@@ -74,7 +74,16 @@ MISTAKES = {
 }
 
 
-@pytest.mark.parametrize("name", MISTAKES)
+# Those that take over half a second.
+LONG = {"another time", "degrees", "lbf ft", "a lost zero", "a negated axis", "exchanged axes",
+        "torques of the motors", "exchanged torques", "millimetres"}
+
+
+def names_of(mistakes):
+    return [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in mistakes]
+
+
+@pytest.mark.parametrize("name", names_of(MISTAKES))
 def test_a_mistake_in_one_run_is_told_with_the_run(runs, name):
     change, words = MISTAKES[name]
     said = first_aid(six_axis(), joined(runs[0], change(runs[1]), runs[2]))
@@ -111,11 +120,12 @@ def test_friction_that_differs_between_runs_is_not_suspected(runs):
     assert first_aid(six_axis(), joined(cold, *runs[1:])) == ()
 
 
-@pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.parametrize("count", [pytest.param(2, marks=pytest.mark.slow), 3])
 def test_right_runs_are_not_suspected(runs, count):
     assert first_aid(six_axis(), joined(*runs[:count])) == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("parts", [2, 4])
 def test_the_shipped_motion_in_parts_is_not_suspected(parts):
     robot = load_robot("tx40")
@@ -148,7 +158,7 @@ def test_right_runs_under_a_tracker_are_not_suspected(tracked):
     assert first_aid(*tracked) == ()
 
 
-@pytest.mark.parametrize("name", TRACKED)
+@pytest.mark.parametrize("name", names_of(TRACKED))
 def test_a_mistake_in_one_run_under_a_tracker_is_told_with_its_rows(tracked, name):
     robot, data = tracked
     angles, positions, words = TRACKED[name]

@@ -57,6 +57,7 @@ def test_the_lean_is_estimated(leaning):
     assert result.after["validation"].rms < 1.5 * np.sqrt(3.0) * NOISE_M
 
 
+@pytest.mark.slow
 def test_a_lean_is_no_cause_that_the_model_lacks(leaning):
     result = diagnose(*leaning)
     assert result.verdict == "no_undeclared_effect" and not result.findings

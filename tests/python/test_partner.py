@@ -93,9 +93,9 @@ def test_derivatives_of_the_distance_of_two_balls(size):
     assert_derivative(lambda v: distances(v, *about)[0], v, distances(v, *about)[1], 1e-4)
 
 
-@pytest.mark.parametrize("slipped", [0.0, 0.05])
+@pytest.mark.parametrize("slipped", [0.0, pytest.param(0.05, marks=pytest.mark.slow)])
 def test_an_arm_of_another_size_is_refused_before_any_fit(slipped, monkeypatch):
-    robot, data, _ = touched("ur10", 3, slipped=slipped)
+    robot, data, _ = touched("ur10", 3, count=60, slipped=slipped)
     rows, tools = touches(data), [np.zeros(3), np.array([0.1, -0.2, 0.3])]
     enough = WORST_SHARE * reach(robot.nominal)
     assert partner_misfit(robot.nominal, Layout.of(()), rows, tools, enough) < 0.1 * enough
@@ -138,6 +138,7 @@ def test_what_the_partner_does_not_know_of_itself_stands_in_the_intervals_of_the
     assert max(ratios) > 2.0 and min(ratios) > 0.9  # most are told by the touches themselves, d_3 is not
 
 
+@pytest.mark.slow
 def test_a_partner_from_a_drawing_is_estimated_too_and_tells_no_scale():
     robot, data, _ = touched("panda", 2)
     drawn = with_partner(data, load_robot("panda"))

@@ -5,7 +5,6 @@ import contextlib
 import ctypes
 import json
 import re
-import subprocess
 import sys
 from pathlib import Path
 
@@ -194,28 +193,40 @@ def test_what_comes_into_the_way_during_the_work_is_found_at_its_end(tmp_path):
 
 
 # -- read-only folders -------------------------------------------------------------------------------------
-DAC_OVERRIDE, PR_CAPBSET_DROP = 1, 24  # the capability by which root writes into what is read-only
-ALL_COMMANDS = """
-import contextlib, io, json, sys
-from exactarm import cli
-told = []
-for words in json.load(sys.stdin):
-    with contextlib.redirect_stderr(io.TextIOWrapper(io.BytesIO(), "utf-8")) as said:
-        code = cli.main(words)
-        said.flush()
-        told.append([code, said.buffer.getvalue().decode()])
-print("\\n" + json.dumps(told))
-"""
+DAC_OVERRIDE = 1 << 1  # the capability by which root writes into what is read-only
+THIS_THREAD = (ctypes.c_uint32 * 2)(0x20080522, 0)  # version 3: two words of each of three sets
+PR_GET_SECUREBITS, PR_SET_SECUREBITS, NO_SETUID_FIXUP = 27, 28, 1 << 2  # else access() asks what root might
 
 
-def as_a_user(lines: list[list[str]], samples: Path, where: Path) -> list[list]:
-    """Exit code and stderr of each line, in the folder `where`, by a process that permissions bind."""
-    libc = ctypes.CDLL(None)
-    done = subprocess.run([sys.executable, "-c", ALL_COMMANDS], input=json.dumps(lines), cwd=where, text=True,
-                          capture_output=True, check=True,
-                          env=environment(Path(cli.__file__).parents[1], samples),
-                          preexec_fn=lambda: libc.prctl(PR_CAPBSET_DROP, DAC_OVERRIDE, 0, 0, 0))
-    return json.loads(done.stdout.splitlines()[-1])
+@contextlib.contextmanager
+def as_a_user():
+    """Permissions bind what runs here, though it is root."""
+    libc, sets = ctypes.CDLL(None), (ctypes.c_uint32 * 6)()
+    assert libc.capget(THIS_THREAD, sets) == 0
+    effective, bits = sets[0], libc.prctl(PR_GET_SECUREBITS, 0, 0, 0, 0)
+    try:
+        libc.prctl(PR_SET_SECUREBITS, bits | NO_SETUID_FIXUP, 0, 0, 0)  # a user has no right to, nor need
+        sets[0] = effective & ~DAC_OVERRIDE
+        assert libc.capset(THIS_THREAD, sets) == 0
+        yield
+    finally:
+        sets[0] = effective
+        assert libc.capset(THIS_THREAD, sets) == 0
+        libc.prctl(PR_SET_SECUREBITS, bits, 0, 0, 0)
+
+
+@pytest.fixture
+def told_to_a_user(folder, monkeypatch, capsys):
+    """Exit code and stderr of each line, in the folder `where`, where permissions bind."""
+    for name, value in environment(Path(cli.__file__).parents[1], folder).items():
+        monkeypatch.setenv(name, value)
+
+    def told(lines: list[list[str]], where: Path) -> list[tuple[int, str]]:
+        monkeypatch.chdir(where)
+        with as_a_user():
+            return [(cli.main(words), capsys.readouterr().err) for words in lines]
+
+    return told
 
 
 @contextlib.contextmanager
@@ -233,7 +244,8 @@ def files(folder: Path) -> dict[Path, bytes]:
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_every_command_refuses_a_read_only_folder_and_leaves_the_result_in_it(folder, tmp_path):
+def test_every_command_refuses_a_read_only_folder_and_leaves_the_result_in_it(folder, tmp_path,
+                                                                              told_to_a_user):
     ea.export("ur10", format="urdf").save(tmp_path / "out")
     (tmp_path / "out/plots").mkdir()
     (tmp_path / "out/.partial").mkdir()  # of a run that was killed
@@ -242,25 +254,25 @@ def test_every_command_refuses_a_read_only_folder_and_leaves_the_result_in_it(fo
         names = [name for name in RUNS if shut == "out" or PICTURES[0] in may_write(
             import_command(name), parse(import_command(name), words_of(name, folder, tmp_path)[1:]))]
         with read_only(tmp_path / shut, tmp_path):
-            told = as_a_user([words_of(name, folder, tmp_path / "out") for name in names], folder, tmp_path)
+            told = told_to_a_user([words_of(name, folder, tmp_path / "out") for name in names], tmp_path)
         for name, (code, line) in zip(names, told, strict=True):
             assert code == 2 and line.count("\n") == 1 and said in line, (name, line)
         assert len(names) >= 8 and files(tmp_path) == before
 
 
-def test_a_read_only_working_folder_is_no_obstacle(folder, tmp_path):
+@pytest.mark.drawn
+def test_a_read_only_working_folder_is_no_obstacle(folder, tmp_path, told_to_a_user):
     (tmp_path / "cwd").mkdir()
     names = ["export", "merge", "accept", "evaluate", "simulate"]
     with read_only(tmp_path / "cwd"):
-        told = as_a_user([words_of(name, folder, tmp_path / name) for name in names], folder,
-                         tmp_path / "cwd")
-        shut = as_a_user([words_of("export", folder, Path("out"))], folder, tmp_path / "cwd")
-    assert told == [[0, ""]] * len(names) and list((tmp_path / "cwd").iterdir()) == []
+        told = told_to_a_user([words_of(name, folder, tmp_path / name) for name in names], tmp_path / "cwd")
+        shut = told_to_a_user([words_of("export", folder, Path("out"))], tmp_path / "cwd")
+    assert told == [(0, "")] * len(names) and list((tmp_path / "cwd").iterdir()) == []
     assert all((tmp_path / name / "result.json").exists() for name in names)
-    assert shut == [[2, "exactarm: error: out: cannot write here (Permission denied), expected a folder\n"]]
+    assert shut == [(2, "exactarm: error: out: cannot write here (Permission denied), expected a folder\n")]
 
 
-def test_a_read_only_folder_of_one_job_stops_no_other(tmp_path, folder):
+def test_a_read_only_folder_of_one_job_stops_no_other(tmp_path, told_to_a_user):
     (tmp_path / "manifest.csv").write_text("name,command,robot,format\none,export,ur10,csv\n"
                                            "two,export,ur10,csv\n")
     words = ["batch", str(tmp_path / "manifest.csv"), "--out", str(tmp_path / "fleet"), "--quiet"]
@@ -268,17 +280,17 @@ def test_a_read_only_folder_of_one_job_stops_no_other(tmp_path, folder):
     ea.export("ur10", format="urdf").save(tmp_path / "fleet/one")
     before = files(tmp_path / "fleet/one")
     with read_only(tmp_path / "fleet/one"):
-        [[code, line]] = as_a_user([words], folder, tmp_path)
+        [(code, line)] = told_to_a_user([words], tmp_path)
     assert code == 1 and line.count("\n") == 1
     assert line.endswith("1 failed. one: "
                          f"{tmp_path}/fleet/one: cannot write here (Permission denied), expected a folder\n")
     assert files(tmp_path / "fleet/one") == before and (tmp_path / "fleet/two/result.json").exists()
 
 
-def test_a_read_only_library_of_effects_is_one_line(folder, tmp_path):
+def test_a_read_only_library_of_effects_is_one_line(folder, tmp_path, told_to_a_user):
     (folder / "effects").mkdir(exist_ok=True)
     with read_only(folder / "effects"):
-        [[code, line]] = as_a_user([words_of("accept", folder, tmp_path / "out")], folder, tmp_path)
+        [(code, line)] = told_to_a_user([words_of("accept", folder, tmp_path / "out")], tmp_path)
     assert code == 2 and line.count("\n") == 1 and "effects: cannot be written (Permission denied)" in line
     assert not (tmp_path / "out/result.json").exists()
 

@@ -65,7 +65,8 @@ def test_curved_problem_converges_from_afar():
     np.testing.assert_allclose(fit.x, [3.0, 1.7], rtol=1e-8)
 
 
-@pytest.mark.parametrize(("series", "half_m", "most"), [("C", 0.15, 25), ("B", 0.4, 40)])
+@pytest.mark.parametrize(("series", "half_m", "most"), [
+    ("C", 0.15, 25), pytest.param("B", 0.4, 40, marks=pytest.mark.slow)])
 def test_real_poses_of_a_narrow_cube_converge_in_tens_of_iterations(series, half_m, most):
     """Lengths and frames trade against each other there along a curved valley: plain Gauss-Newton with
     damping took 245 iterations for the first and 1,776 for the second; scipy's `lm` takes 103 and 144

@@ -58,6 +58,7 @@ def test_more_readings_of_the_same_poses_narrow_no_interval(orientation):
     assert np.ptp(often.intervals, axis=1) == pytest.approx(np.ptp(once.intervals, axis=1), rel=0.05)
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_however_often_each_pose_is_read():
     """The declared arm itself, at 8 places: 95 % of 8 x 20 numbers within 3 standard errors; independent rows
     held 59 %. No seed was picked: from 10, 20, 100 and 200 on they hold 95.7, 97.8, 91.8 and 97.8 %."""

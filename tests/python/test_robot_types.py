@@ -153,6 +153,7 @@ def test_measured_angles_of_coupled_axes_are_those_that_the_controller_reports(t
     assert result.after["validation"].mean < 2.5 * NOISE_M  # the noise's own mean: 1.6
 
 
+@pytest.mark.slow
 def test_designed_poses_of_coupled_axes_are_written_as_the_controller_counts_them(tmp_path):
     robot = counted_from_axis_2()
     table = ea.design(robot, count=20, validation=4).tables["poses.csv"]

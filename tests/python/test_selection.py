@@ -2,6 +2,7 @@
 not."""
 
 from dataclasses import dataclass, replace
+from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -41,6 +42,12 @@ def poses(hidden=None, still=(), count=60, seed=1):
     return robot, replace(data, position=position + rng.normal(0.0, NOISE_M, position.shape))
 
 
+@cache
+def undisturbed():
+    """The problem of poses of an arm as declared, and its layout."""
+    return fitted_problem(*poses())
+
+
 def fitted_problem(robot, data):
     every = np.ones(len(data), bool)
     problem = problem_for(robot, data.select(every), data.select(~every), 1, 0)
@@ -56,7 +63,7 @@ def test_nothing_is_proposed_for_an_axis_that_stands_still():
 
 def test_products_through_a_station_are_those_of_the_whole_columns():
     """Of every effect of the library, without another one in the fit, and along the directions of a test."""
-    problem, declared = fitted_problem(*poses())
+    problem, declared = undisturbed()
     fitted = problem.fit(declared)
     field = [e for e in selection.candidates_for(problem, fitted) if not e.excludes_rows()]
     columns = [(fitted.columns(effect)[:, free_mask(effect)], effect) for effect in field]
@@ -77,7 +84,7 @@ def test_products_through_a_station_are_those_of_the_whole_columns():
 
 def test_a_fit_without_an_effect_is_clear_of_all_others():
     """Its basis is turned out of that of the whole fit, the rows of the effect's own priors left out."""
-    problem, declared = fitted_problem(*poses())
+    problem, declared = undisturbed()
     field = selection.candidates_for(problem, problem.fit(declared))
     effects = tuple({effect.joint: effect for effect in field if effect.any_curve}.values())[1:3]
     whole = problem.fit(declared.joined(Layout.of(effects)))
@@ -105,7 +112,7 @@ def test_a_fit_without_an_effect_is_clear_of_all_others():
 
 def test_an_effect_that_ends_at_its_bound_does_not_enter(monkeypatch):
     """A coupling of 20 rad per rad cannot be: the fit ends at 10, and the effect stays out."""
-    problem, declared = fitted_problem(*poses())
+    problem, declared = undisturbed()
     effect = effect_from_table({"effect": "tracker_scale", "x_scale": 0.0, "y_scale": 0.0, "z_scale": 0.0})
     bounded = replace(effect)
     monkeypatch.setattr(type(effect), "parameters", _with_bounds(type(effect).parameters, 1e-9))
@@ -159,12 +166,18 @@ def test_a_spring_that_gives_way_against_its_load_and_a_negative_rotor_are_impos
     assert not effect_from_table(rotor | {"inertia_kg_m2": -2e-3}).possible(robot)
 
 
+@cache
+def pushed():
+    """The problem of torques whose friction would push, its layout, its fit, and what may enter."""
+    problem, declared = fitted_problem(*torque_data(-3.0))
+    fitted = problem.fit(declared)
+    return problem, declared, fitted, selection.candidates_for(problem, fitted)
+
+
 @pytest.mark.parametrize("name", ["coulomb_friction", "viscous_friction", "stribeck_friction"])
 def test_friction_does_not_push(name):
-    robot, data = torque_data(-3.0)
-    problem, declared = fitted_problem(robot, data)
-    fitted = problem.fit(declared)
-    own = [e for e in selection.candidates_for(problem, fitted) if e.name == name]
+    problem, declared, fitted, field = pushed()
+    own = [e for e in field if e.name == name]
     for effect in own:
         trial = selection.refit(problem, declared, [effect], fitted)
         assert trial.layout.effects[-1].values[0] >= 0.0

@@ -123,6 +123,7 @@ def test_calibration_recovers_a_deviated_robot():
     assert result.after["validation"].rms < 1.6 * np.sqrt(3.0) * 1e-4
 
 
+@pytest.mark.slow
 def test_identification_recovers_masses_and_friction():
     """Swinging springs and all: the friction and masses that moved the virtual robot come back."""
     random = np.random.default_rng(6)
@@ -304,20 +305,20 @@ def simulate(arm, out, *words):
 @pytest.mark.parametrize("measure, file, kind, words", [
     ("poses", "measured.csv", "poses", ["--count", "20", "--visits", "2", "--temperature", "20", "40"]),
     ("gear", "gear_runs.parquet", "gear_run", ["--joint", "2", "--repeats", "1", "--rate", "250"]),
-    ("motion", "motion.parquet", "motion", ["--runs", "2", "--seconds", "1.5", "--rate", "250"]),
+    pytest.param("motion", "motion.parquet", "motion", ["--runs", "2", "--seconds", "1.5", "--rate", "250"],
+                 marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_command_measures_and_keeps_its_truth_apart(arm, tmp_path, measure, file, kind, words):
     hidden = ["--effect", "gear_ratio joint=2 scale=1.25e-3", "--deviation", "1"]
     result = simulate(arm, tmp_path / "a", "--measure", measure, *hidden, *words)
     again = simulate(arm, tmp_path / "b", "--measure", measure, *hidden, *words)
     data = read_dataset(tmp_path / "a" / file, load_robot(arm))
-    assert data.kind == kind and len(data) == result["rows"]
+    assert data.kind == kind and len(data) == result["rows"] and result["seed"] == again["seed"]
     assert (tmp_path / "a" / file).read_bytes() == (tmp_path / "b" / file).read_bytes()
     truth = load_robot(tmp_path / "a" / "truth.toml")
     assert [effect.label for effect in truth.effects] == ["gear_ratio_2"]
     for text in ((tmp_path / "a" / "result.json").read_text(), (tmp_path / "a" / "report.html").read_text()):
         assert "gear_ratio" not in text and "0.00125" not in text
-    assert result["seed"] == again["seed"]
 
 
 @pytest.mark.slow

@@ -22,8 +22,9 @@ MISTAKES = {
     "degrees labelled as radians": lambda q: q * 180 / np.pi,
     "radians labelled as degrees": lambda q: q * np.pi / 180,
 }
-CONTACTS = [("panda", "socket"), ("ur10", "sphere"), ("ur10", "bar"),
-            *(pytest.param("panda", contact, marks=pytest.mark.slow) for contact in ("plane", "pair"))]
+CONTACTS = [("ur10", "bar"), *(
+    pytest.param(*each, marks=pytest.mark.slow)
+    for each in (("panda", "socket"), ("ur10", "sphere"), ("panda", "plane"), ("panda", "pair")))]
 
 
 def with_angles(data: Dataset, change) -> Dataset:
@@ -48,6 +49,7 @@ def test_mistakes_in_the_angles_of_touches_are_named(name, contact):
     assert told(changed(robot.nominal, data)) == []
 
 
+@pytest.mark.slow
 def test_mistakes_are_named_where_a_cube_is_touched():
     """The touches of a whole face of every arm lie in one plane where axis 1 stands still; that is no
     explanation."""
@@ -62,7 +64,8 @@ def test_right_touches_are_accused_of_nothing(name, contact):
         assert first_aid(robot.nominal, data) == ()
 
 
-@pytest.mark.parametrize("name", ["panda_3", "panda_6", "panda_7", "dinova_1", "dinova_2"])
+@pytest.mark.parametrize("name", ["dinova_1", *(
+    pytest.param(name, marks=pytest.mark.slow) for name in ("panda_3", "panda_6", "panda_7", "dinova_2"))])
 def test_the_shipped_arms_are_accused_of_nothing_and_mistakes_in_them_are_named(name):
     robot, folder = load_robot("panda" if "panda" in name else "gen3lite"), data_path("ball_in_socket")
     data = read_dataset(folder / f"{name}.csv", robot, fixture=load_fixture(folder / "fixture.toml"))

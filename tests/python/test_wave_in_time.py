@@ -50,7 +50,7 @@ def frequency_told(result):
     return float(re.search(r"([\d.]+) Hz", result.sentence)[1])
 
 
-@pytest.mark.parametrize("begins_with_run", [False, True])
+@pytest.mark.parametrize("begins_with_run", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_a_floor_that_shakes_is_no_gear(racer, begins_with_run):
     """Where it begins with every run it imitates a gear of two tables: direction and speed dependence at 1.00
     before."""
@@ -75,6 +75,7 @@ def waves_of_the_gear(result):
     return [effect.values[0] for effect in found]
 
 
+@pytest.mark.slow
 def test_a_wave_of_the_gear_stays_one(racer):
     result = diagnose(racer, one_speed(racer, gear=True))
     assert result.verdict == "explained"

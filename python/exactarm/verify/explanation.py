@@ -26,7 +26,7 @@ from functools import cached_property
 import numpy as np
 from scipy import linalg, special
 
-from exactarm.verify.change import RANK, WINDOW, Alarms, Days, Evidence, Hypothesis, level_of
+from exactarm.verify.change import RANK, WINDOW, Alarms, Days, Evidence, Hypothesis, Moved, level_of
 
 CREDIBLE = 0.95
 _STEPS, _ROUNDS, _MOST_DAMPING = 60, 6, 1e6
@@ -153,21 +153,21 @@ def _search(
 ) -> tuple[list[_Fit], list[_Parted], int]:
     """The fits at every first day, by the derivative at the best; the days so parted; the best day."""
     value, day = np.zeros(hypothesis.columns.shape[1]), -1
+    moved = hypothesis.moved(value)
     for _ in range(_ROUNDS):
-        fits = _by_derivative(hypothesis, parts, value)
-        before, day = day, int(np.argmax([fit.score for fit in fits]))
-        f, value = hypothesis.moved(value).f, _at_its_best(hypothesis, parts[day], value)
-        moved = hypothesis.moved(value).f
-        if day == before and np.sum((moved - f) ** 2) <= _SETTLED * parts[day].variance:
+        fits = _by_derivative(parts, value, moved)
+        before, day, f = day, int(np.argmax([fit.score for fit in fits])), moved.f
+        value, moved = _at_its_best(hypothesis, parts[day], value, moved)
+        if day == before and np.sum((moved.f - f) ** 2) <= _SETTLED * parts[day].variance:
             break
-        parts = parted(moved)
-    fits = _by_derivative(hypothesis, parts, value)
+        parts = parted(moved.f)
+    fits = _by_derivative(parts, value, moved)
     return fits, parts, int(np.argmax([fit.score for fit in fits]))
 
 
-def _at_its_best(hypothesis: Hypothesis, part: _Parted, value: np.ndarray) -> np.ndarray:
-    """delta from `value` on, by Levenberg and Marquardt."""
-    moved = hypothesis.moved(value)
+def _at_its_best(hypothesis: Hypothesis, part: _Parted, value: np.ndarray,
+                 moved: Moved) -> tuple[np.ndarray, Moved]:
+    """delta from `value` on, by Levenberg and Marquardt, and what it moves."""
     damping = 1e-6
     for _ in range(_STEPS):
         half = part.half(moved.error)
@@ -186,12 +186,11 @@ def _at_its_best(hypothesis: Hypothesis, part: _Parted, value: np.ndarray) -> np
             value, moved = value + step, trial
             if fall < _LEAST_FALL * (new @ new + part.scatter):
                 break
-    return value
+    return value, moved
 
 
-def _by_derivative(hypothesis: Hypothesis, parts: list[_Parted], value: np.ndarray) -> list[_Fit]:
+def _by_derivative(parts: list[_Parted], value: np.ndarray, moved: Moved) -> list[_Fit]:
     """At every first day, by the derivative at `value`."""
-    moved = hypothesis.moved(value)
     offset = moved.f - moved.columns @ value
     return [_linear(part, offset, moved.columns, part.half(moved.error)) for part in parts]
 
