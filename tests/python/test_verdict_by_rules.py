@@ -5,11 +5,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from exactarm.commands.diagnose_report import _why
+from exactarm.commands.diagnose_report import _next, _why
+from exactarm.commands.effect_sections import in_order
 from exactarm.diagnose.dossier import Dossier
 from exactarm.diagnose.motion_problem import MotionProblem
 from exactarm.diagnose.noise import NoiseFloor
 from exactarm.diagnose.verdict import EXPLAINED, NOTHING, UNEXPLAINED, verdict_by_rules
+from exactarm.effects.gear_ratio import GearRatio
+from exactarm.effects.joint_coupling import JointCoupling
 from exactarm.identify.statistics import summarise
 from six_axis import six_axis
 from test_identify_dynamics import log_of, true_arm
@@ -39,3 +42,18 @@ def test_what_is_left_of_torques_is_their_share():
                                       (0.96, "it leaves 4 % less error on the others")])
 def test_why_a_runner_up_lost_is_what_its_error_says(rms, why):
     assert why in _why(SimpleNamespace(collides=False, rms_after=rms), 1.0)
+
+
+def test_a_cause_that_held_out_rows_contradict_is_said_last_and_advised_against():
+    doubtful, sure = (SimpleNamespace(effect=effect, probability=p) for effect, p in (
+        (GearRatio(2, (1e-4,)), 0.003), (JointCoupling(6, (4.0, 7e-4)), 0.999)))
+    found = [(doubtful, None), (sure, None)]
+    assert [finding for finding, _ in in_order(found)] == [sure, doubtful]
+    before = {name: summarise(2.0 * np.ones(20)) for name in ERRORS}
+    result = SimpleNamespace(
+        findings=(doubtful, sure), before=before, after=ERRORS, verdict=EXPLAINED, kind="poses", drafts=(),
+        next_experiment=None, noise=NoiseFloor(1.0, "as the test says", True), converged=True)
+    (text,) = _next(six_axis(), result, found)
+    advice = " ".join(text.paragraphs)
+    assert "make up for a motor that turns another axis too." in advice
+    assert "also holds gear ratio of axis 2, less likely than not" in advice
