@@ -68,6 +68,17 @@ def test_a_range_that_is_too_long_is_named_with_its_size(name, station_m):
     assert abs(first.effect.values[0] - LONGER_M) < high - low and "millimetre" in first.effect.describe()
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed, alone", [(2, False), (3, True), (4, False)])
+def test_far_away_it_forms_a_set_with_a_scale(seed, alone):
+    """Lines of sight that are nearly parallel: what is left of a longer range is a scale across them."""
+    result = diagnose(*poses("ur10", seed, 7.0, 5e-4))
+    (first,) = result.findings
+    assert {name for name, _, _ in first.credible_set} - {"tracker_scale"} == {"tracker_range"}
+    assert (len(first.credible_set) == 1) == alone
+    assert first.intervals[0][0] < 5e-4 < first.intervals[0][1]
+
+
 @pytest.mark.parametrize("stations_m, tried", [((2.5,), True), ((2.5, 3.0), True), ((0.3,), False),
                                                ((2.5, 0.0), False)])
 def test_is_a_candidate_where_the_head_can_stand(stations_m, tried):
