@@ -107,6 +107,9 @@ def _causes(problem: Problem, declared: Layout, progress: Progress) -> Causes | 
     first = problem.fit(declared)
     fits, chosen, places, unknown = [first], [], [], ()
     whole = vocabulary = _vocabulary(problem, first)
+    carried = {b.label for b in whole.blocks if b.effect is not None and b.effect.carried}
+    # without springs a payload moves nothing: springs that are found show it, so they come first, alone
+    springs_first = first.view.has_masses and not carried
     nothing = something = noise = None
     refused = 0
     for _ in range(_ROUNDS + _MOST_REFUSED):
@@ -115,6 +118,8 @@ def _causes(problem: Problem, declared: Layout, progress: Progress) -> Causes | 
         if found is None or len(places) + len(found.members.blocks) > MOST_AT_ONCE:
             return None
         new = _one_each([p for p in _places(found, len(fits) - 1) if p.probability >= NAMED_AT])
+        if springs_first and not any(effect.gives_way for effect in chosen):
+            new = [p for p in new if p.effect.gives_way] or new
         held = _holding(found, new, problem.seed)
         nothing = found.probability_of_nothing() if nothing is None else nothing
         something, unknown, noise = found.probability_of_unknown(), tuple(found.structures()), found.noise
@@ -123,7 +128,8 @@ def _causes(problem: Problem, declared: Layout, progress: Progress) -> Causes | 
             chosen = [*fit.layout.effects[len(declared.effects) :]]
             places += kept
             fits.append(fit)
-            vocabulary = whole.beside(chosen).joined(vocabulary_of(fit, _companions(chosen), []))
+            more = [e for e in candidates_for(problem, fit) if e.carried and e.label not in carried]
+            vocabulary = whole.beside(chosen).joined(vocabulary_of(fit, _companions(chosen) + more, []))
         elif new and not held and refused < _MOST_REFUSED:
             refused += 1
             whole = whole.without(found.named_blocks())

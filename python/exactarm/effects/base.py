@@ -66,6 +66,7 @@ class Effect(ABC):
     of_one_session: ClassVar[bool] = False  # the rows of one alone tell of it
     by_load: ClassVar[bool] = False  # its size or side is decided by the load of a joint
     per_load: ClassVar[bool] = False  # all its values are sizes per Nm of that load
+    gives_way: ClassVar[bool] = False  # a spring of a joint: what is carried shows through it
     # a Gaussian prior around the declared values, as wide as they are plausible
     drawn_to_declared: ClassVar[bool] = False
     repeatable: ClassVar[bool] = False  # several of them may act on one axis (harmonics of different orders)

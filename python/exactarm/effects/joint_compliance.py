@@ -45,6 +45,7 @@ class JointCompliance(Effect):
     compensable = True
     by_load = True
     per_load = True
+    gives_way = True
     sentence = "axis {joint} gives way by {linear_rad_per_Nm:.3g} rad for every Nm that it carries"
     source = "thesis 1.1.2, (2.18), E4; Caenen and Angue 1990"
 
