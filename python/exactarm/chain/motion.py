@@ -23,7 +23,7 @@ from exactarm.chain.layout import Layout
 from exactarm.chain.loaded_arms import Arm, loaded_arms
 from exactarm.chain.motion_record import SLOW_HZ, MotionRecord
 from exactarm.chain.propagate import pass_station, pass_tangents
-from exactarm.chain.spring_response import SpringResponse
+from exactarm.chain.spring_response import SpringResponse, rates
 from exactarm.data.kinds import MOTION, Device
 from exactarm.effects.base import Effect, Station
 from exactarm.effects.drive import over_samples, sign_slopes
@@ -188,18 +188,18 @@ def _joints(view: View, layout: Layout, tangents: bool) -> None:
 
 def _bend(view: View, layout: Layout, record: MotionRecord, tangents: bool) -> None:
     """The declared springs give way under the torque, and relieve it; tangents about the bent motion."""
-    unbent = SpringResponse(view.robot, *_slopes(view), record.runs, record.step, record.inside)
     if view.bent is None:
+        unbent = SpringResponse(view.robot, *_slopes(view), record.runs, record.step, record.inside)
         view.bent = (*unbent.give_way(view.torque), unbent.tangent)
-    stretch, torque, unbent.tangent = view.bent
-    _bent(view.signals, unbent, stretch, torque)
+    stretch, torque, tangent = view.bent
+    _bent(view.signals, record, stretch, torque)
     if tangents:
         slopes = _slopes(view)
         view.tangents["torque"] = _torque_tangent(view, slopes)
         pass_tangents(view, layout, Station.LOAD, "torque")
         response = SpringResponse(view.robot, *slopes, record.runs, record.step, record.inside)
-        response.tangent = unbent.tangent
-        _bent(view.tangents, response, *response.give_way_tangent(view.tangents["torque"]))
+        response.tangent = tangent
+        _bent(view.tangents, record, *response.give_way_tangent(view.tangents["torque"]))
 
 
 def _slopes(view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -218,9 +218,9 @@ def _torque_tangent(view: View, slopes) -> np.ndarray:
     return sum(slope @ view.tangents[name] for slope, name in zip(slopes, ("q", "q_dot", "q_ddot")))
 
 
-def _bent(signals: dict[str, np.ndarray], response: SpringResponse, stretch: np.ndarray,
+def _bent(signals: dict[str, np.ndarray], record: MotionRecord, stretch: np.ndarray,
           torque: np.ndarray) -> None:
-    rate, acceleration = response.rates(stretch)
+    rate, acceleration = rates(stretch, record.runs, record.step)
     signals["torque"] = torque
     for name, change in (("q", stretch), ("q_dot", rate), ("q_ddot", acceleration)):
         signals[name] = signals[name] - change

@@ -14,7 +14,7 @@ spring do not give way.
 """
 
 import numpy as np
-from scipy.linalg import solve_banded
+from scipy.linalg import lapack
 
 from exactarm.chain.spring import declared_deflection
 from exactarm.robot.robot import Robot
@@ -59,43 +59,45 @@ class SpringResponse:
 
     def carried(self, torque: np.ndarray, e: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
         """(N, n, P) torque at the joints as the arm gives way by e (N, n, P): the springs', if any."""
-        rate, acceleration = self.rates(e)
+        rate, acceleration = rates(e, self.runs, self.step)
         springs = stiffness[:, :, None] * e + (DAMPING_S * self.linear)[:, None] * rate
         if np.all(self.elastic):
             return springs
         rigid = torque - self.by_q @ e - self.by_rate @ rate - self.mass @ acceleration
         return np.where(self.elastic[:, None], springs, rigid)
 
-    def rates(self, e: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Three-point differences of (N, ...) in each run; zero at its ends."""
-        rate, acceleration = np.zeros_like(e), np.zeros_like(e)
-        for rows in self.runs:
-            x = e[rows]
-            rate[rows[1:-1]] = (x[2:] - x[:-2]) / (2.0 * self.step)
-            acceleration[rows[1:-1]] = (x[2:] - 2.0 * x[1:-1] + x[:-2]) / self.step**2
-        return rate, acceleration
-
     def _solve(self, torque: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
-        n, h = torque.shape[1], self.step
-        damping = np.diag(DAMPING_S * self.linear)
+        axes, h = np.flatnonzero(self.elastic), self.step  # the others stand still
+        n = len(axes)
+        by_q, by_rate, mass = (each[:, axes[:, None], axes] for each in (self.by_q, self.by_rate, self.mass))
+        damping = np.diag(DAMPING_S * self.linear[axes])
         e = np.zeros_like(torque)
         for rows, first in zip(self.runs, self.still):
-            still = self.by_q[rows] + np.eye(n) * stiffness[rows][:, :, None]
-            right = np.where(self.elastic[:, None], torque[rows], 0.0)
+            still = by_q[rows] + np.eye(n) * stiffness[rows][:, axes, None]
+            right = torque[rows][:, axes]
             # The equation about row t stands in block row t + 1, whose unknown it gives.
             blocks = [np.zeros_like(still) for _ in range(3)]
             blocks[2][:first] = still[:first]
             now, swings = slice(first - 1, -1), rows[first - 1 : -1]
             for block, s, d, m in zip(blocks, _STIFF, _DAMPED, _MASSIVE):
-                block[first:] = (s * still[now] + d / h * (self.by_rate[swings] + damping)
-                                 + m / h**2 * self.mass[swings])
+                block[first:] = (s * still[now] + d / h * (by_rate[swings] + damping)
+                                 + m / h**2 * mass[swings])
             mean = right.copy()
             mean[first:] = (_STIFF[0] * right[first - 2 : -2] + _STIFF[1] * right[now]
                             + _STIFF[2] * right[first:])
             flat = mean.reshape(len(rows) * n, -1)
-            band = _banded(blocks, self.elastic)
-            e[rows] = solve_banded((3 * n - 1, n - 1), band, flat, check_finite=False).reshape(right.shape)
+            e[rows[:, None], axes] = _solved(blocks, flat).reshape(right.shape)
         return e
+
+
+def rates(e: np.ndarray, runs, step: float) -> tuple[np.ndarray, np.ndarray]:
+    """Three-point differences of (N, ...) in each run; zero at its ends."""
+    rate, acceleration = np.zeros_like(e), np.zeros_like(e)
+    for rows in runs:
+        x = e[rows]
+        rate[rows[1:-1]] = (x[2:] - x[:-2]) / (2.0 * step)
+        acceleration[rows[1:-1]] = (x[2:] - 2.0 * x[1:-1] + x[:-2]) / step**2
+    return rate, acceleration
 
 
 def _positive(mass: np.ndarray) -> np.ndarray:
@@ -109,14 +111,17 @@ def _positive(mass: np.ndarray) -> np.ndarray:
         return (vectors * values[:, None, :]) @ np.swapaxes(vectors, 1, 2)
 
 
-def _banded(blocks, elastic: np.ndarray) -> np.ndarray:
-    """LAPACK's band of a block matrix: blocks (N, n, n) two below, one below and on the diagonal."""
+def _solved(blocks, right: np.ndarray) -> np.ndarray:
+    """(N n, P) solution of a block matrix, whose blocks (N, n, n) stand two below, one below and on the
+    diagonal."""
     count, n, _ = blocks[2].shape
-    band = np.zeros((4 * n - 1, count * n))
-    for offset, block in zip((-2, -1, 0), blocks):
-        for i in range(n):
-            for j in range(n):
-                values = block[:, i, j] if elastic[i] else np.full(count, float(offset == 0 and i == j))
-                rows = np.arange(-offset, count)
-                band[n - 1 + i - j - offset * n, (rows + offset) * n + j] = values[rows]
-    return band
+    below, above = 3 * n - 1, n - 1
+    band = np.zeros((count, n, 2 * below + above + 1))  # LAPACK's, column by column
+    for offset, block in enumerate(reversed(blocks)):
+        for j in range(n):
+            start = below + above + offset * n - j
+            band[: count - offset, j, start : start + n] = block[offset:, :, j]
+    *_, found, failed = lapack.dgbsv(below, above, band.reshape(count * n, -1).T, right, overwrite_ab=True)
+    if failed:
+        raise np.linalg.LinAlgError("singular matrix")
+    return found

@@ -130,8 +130,8 @@ class Fitted:
         linear = np.array([not p.search for p in self.layout.parameters[where]], bool)
         residual = self.residual + self.jacobian[:, :,
                                                  where] @ np.where(linear, self.layout.values[where], 0.0)
-        narrower = replace(self, layout=layout, residual=residual, jacobian=self.jacobian[:, :, keep],
-                           view=self.view.leaving(residual))
+        narrower = replace(self, layout=layout, residual=residual, view=self.view.leaving(residual),
+                           jacobian=np.take(self.jacobian, np.flatnonzero(keep), axis=2))
         vars(narrower)["_taken_from"] = self, ~keep
         return narrower
 

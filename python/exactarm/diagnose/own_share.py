@@ -52,9 +52,11 @@ def own_shares(problem: Problem, fitted: Fitted, first: int) -> tuple[Own, ...] 
         linear = np.array([not p.search for p in fitted.layout.parameters[where]], bool)
         values = np.where(linear, fitted.layout.values[where], 0.0)
         rest = np.delete(np.arange(fitted.layout.size), np.arange(where.start, where.stop))
-        onto = design[:rows, rest].T @ (design[:rows, where] @ values) / norm[rest]
-        step = linalg.solve(gram[np.ix_(rest, rest)], onto, assume_a="pos") / norm[rest]
-        without = residual + jacobian[:, :, where] @ values - jacobian[:, :, rest] @ step
+        onto = (design[:rows].T @ (design[:rows, where] @ values))[rest] / norm[rest]
+        step = np.zeros(len(norm))
+        step[where] = values
+        step[rest] = -linalg.solve(gram[np.ix_(rest, rest)], onto, assume_a="pos") / norm[rest]
+        without = residual + jacobian @ step
         square, other = (float(np.sum(error(left) ** 2)) for left in (residual, without))
         gain = float(worth * (density(residual) - density(without)))
         found.append(Own(1.0 - square / max(other, 1e-300), gain))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from exactarm.data.dataset import Dataset
@@ -37,6 +39,10 @@ class ProblemAtRest(Problem):
         return pose_split(self.data, np.random.default_rng(self.seed), _SEARCH_POSES / len(self.data))
 
     def groups(self) -> np.ndarray:
+        return self._groups
+
+    @cached_property
+    def _groups(self) -> np.ndarray:
         return pose_groups(self.data)
 
     def order(self) -> np.ndarray:

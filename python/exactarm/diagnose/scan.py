@@ -75,17 +75,18 @@ def scan(fitted: Fitted, candidates: list[Effect], count: float) -> list[Candida
     square = float(fitted.free_residual @ fitted.free_residual)
     best: dict[str, Candidate] = {}
     families = len({effect.label for effect in candidates})
-    variants = [(effect, point) for effect in candidates for point in grid(effect)]
-    points = Counter(effect.label for effect, _ in variants)
+    variants = [(effect.label, mask, point) for effect, mask in zip(candidates, map(free_mask, candidates))
+                for point in grid(effect)]
+    points = Counter(label for label, *_ in variants)
     # a searched order may be in the label
-    tried = {point.label: points[effect.label] for effect, point in variants}
+    tried = {point.label: points[label] for label, _, point in variants}
     linear: list[tuple[Effect, np.ndarray]] = []
-    for _, point in variants:
+    for _, mask, point in variants:
         kept = point.keep(fitted.view)
         if kept is not None:
             best[point.label] = _excluding(fitted, point, kept, count, families)
         else:
-            linear.append((point, free_mask(point)))
+            linear.append((point, mask))
     products = fitted.products_of([point for point, _ in linear], [mask for _, mask in linear])
     _score(linear, products, square, count, tried, families, best)
     return sorted(best.values(), key=lambda c: -c.evidence)

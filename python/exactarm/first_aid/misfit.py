@@ -13,8 +13,7 @@ from exactarm.first_aid.arm_itself import left_standing
 from exactarm.first_aid.linear_frames import least_left, linear_frames
 from exactarm.first_aid.suspicion import FALL
 from exactarm.identify.frames import find_frames
-from exactarm.numerics.rotation import log as rotation_log
-from exactarm.numerics.rotation import nearest
+from exactarm.numerics.rotation import nearest, turn
 from exactarm.robot.robot import Robot
 
 NOT_WORSE = 1.2  # positions and orientations are both to fit
@@ -115,6 +114,6 @@ def misfit_of(points: np.ndarray, rotations: np.ndarray, data: Dataset, group: n
         orientation = 0.0
         for rows, base in zip(parts, bases):
             seen = np.swapaxes(rotations[rows], -1, -2) @ base.T @ data.rotation[rows]
-            orientation += float(np.sum(rotation_log(nearest(seen.mean(axis=0)).T @ seen) ** 2))
+            orientation += float(np.sum(turn(nearest(seen.mean(axis=0)).T @ seen) ** 2))
         orientation = float(np.sqrt(orientation / len(points)))
     return Misfit(position, orientation), float(np.mean(sizes))

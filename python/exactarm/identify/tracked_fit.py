@@ -101,9 +101,9 @@ def static_rows(data: Dataset) -> Dataset:
 
 
 def predict_record(robot: Robot, layout: Layout, record: MotionRecord, *, tangents: bool = True,
-                   threads: int = 1):
+                   threads: int = 1, bent=None):
     return predict_tracked_motion(robot, layout, record.data, record=record, tangents=tangents,
-                                  threads=threads)
+                                  threads=threads, bent=bent)
 
 
 def fit_tracked(robot: Robot, layout: Layout, record: MotionRecord, *, weights: np.ndarray | None = None,
@@ -114,8 +114,13 @@ def fit_tracked(robot: Robot, layout: Layout, record: MotionRecord, *, weights: 
 
     accepted: list[PosePrediction] = []  # the last: a fit asks for tangents where it stands alone
 
+    bent: dict[bytes, tuple | None] = {}  # of the point before: a step is tried before it is accepted
+
     def predict(at: Layout, with_jacobian: bool):
-        prediction = predict_record(robot, at, record, tangents=with_jacobian, threads=threads)
+        prediction = predict_record(robot, at, record, tangents=with_jacobian, threads=threads,
+                                    bent=bent.get(at.values.tobytes()))
+        bent.clear()
+        bent[at.values.tobytes()] = prediction.view.bent
         accepted[:] = [prediction] if with_jacobian else accepted
         return prediction.residual(), prediction.jacobian[:, :3] if with_jacobian else None
 

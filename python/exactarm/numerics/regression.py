@@ -329,7 +329,7 @@ def _cholesky(gram: np.ndarray) -> np.ndarray | None:
 def _inverse(gram: np.ndarray) -> np.ndarray:
     factor = _cholesky(gram)
     if factor is None:
-        return linalg.pinvh(gram)
+        return np.linalg.pinv(gram, rcond=len(gram) * np.finfo(float).eps, hermitian=True)
     return linalg.cho_solve((factor, True), np.eye(len(gram)), check_finite=False)
 
 

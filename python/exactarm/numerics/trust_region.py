@@ -40,14 +40,17 @@ class Model:
         self.jacobian, self.residual = jacobian, residual
         self.weight = np.ones(len(residual)) if weight is None else weight
         if normal is None:
-            rows = self._columns(slice(None))
+            rows = self.weight[:, None] * jacobian
             normal = rows.T @ rows
         self.normal, self.downhill = normal, self.across(residual)
         self._scale(np.ones(jacobian.shape[1]) if unit is None else unit)
 
-    def _columns(self, which: np.ndarray | slice) -> np.ndarray:
-        """(R, k) some columns of J."""
-        return self.weight[:, None] * self.jacobian[:, which]
+    def _columns(self, which: np.ndarray) -> np.ndarray:
+        """(R, k) some columns of J / unit, by their numbers."""
+        columns = np.take(self.jacobian, which, axis=1)  # ten times as fast as an index
+        columns *= self.weight[:, None]
+        columns /= self.unit[which]
+        return columns
 
     def across(self, values: np.ndarray) -> np.ndarray:
         """(P,) J'v of values v (R,)."""
@@ -100,7 +103,7 @@ class Model:
             return None
         factor = (lower[:strong, :strong], True)
         one, other = order[:strong], order[strong:]
-        columns = self._columns(np.flatnonzero(free)[order]) / self.unit[free][order]
+        columns = self._columns(np.flatnonzero(free)[order])
         part = linalg.cho_solve(factor, gram[np.ix_(one, other)], check_finite=False)
         left = columns[:, strong:] - columns[:, :strong] @ part
         again = linalg.cho_solve(factor, columns[:, :strong].T @ left, check_finite=False)
@@ -127,7 +130,7 @@ class Model:
     def _spectrum(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         values, vectors = linalg.eigh(self.gram[np.ix_(free, free)], check_finite=False)
         if values.size and values[0] < _SQUARED * values[-1]:
-            columns = self._columns(free) / self.unit[free]
+            columns = self._columns(np.flatnonzero(free))
             upper = linalg.qr(columns, mode="r", check_finite=False)[0][: values.size]
             singular, rows = linalg.svd(upper, full_matrices=False, check_finite=False)[1:]
             rows = rows if len(rows) == values.size else linalg.svd(upper)[2]
