@@ -33,7 +33,7 @@ _GOOD, _POOR, _LEAST_RATIO = 0.9, 0.25, 1e-4  # actual fall beside the promised 
 _FIRST = 10.0  # first radius beside the size of parameters and data
 _GROWTH = 2.5  # of the radius after a good step, beside its length
 _MOST_BENT = 0.75  # acceleration beside the step (Transtrum and Sethna 2012)
-_PROBE = 0.1  # share of the step at which the second derivative is probed
+_PROBE = 0.01  # share of the step at which the second derivative is probed
 _ROUNDING = 1e-15  # of the size of the predicted values: a step of no effect
 # Where no step gives what the model promises: a kink of the model (a gap, a stop), rounding, or derivatives
 # good to a few digits, as long as it is worth less than this, in standard deviations of a parameter; more is
@@ -242,8 +242,8 @@ def _descend(evaluate, model: Model, whole: Step, x, now: Evaluation, weight, un
     does.
 
     Inside a curved valley the step follows the geodesic to second order (Transtrum and Sethna 2012): the
-    second derivative along the step is taken from one more residual, and a step that bends more than it goes
-    is too long.
+    second derivative along the step is taken from two more residuals, and a step that bends more than it
+    goes is too long.
     """
     square, smallest = _length(model.residual) ** 2, _ROUNDING * _length(unit * x)
     low, high = (bounds[0] - x) * unit, (bounds[1] - x) * unit
@@ -276,9 +276,10 @@ def _descend(evaluate, model: Model, whole: Step, x, now: Evaluation, weight, un
 def _bend(evaluate, model: Model, step: Step, x, now: Evaluation, weight, unit) -> np.ndarray:
     """(P,) the geodesic acceleration of the step, in scaled variables; infinite where the model has no
     value."""
-    ahead = evaluate(x + _PROBE * step.step / unit, False).residual
+    # not by the Jacobian: what it lacks, a percent in the chain of springs, would count twenty times
+    near, far = (evaluate(x + part * step.step / unit, False).residual for part in (_PROBE, 2.0 * _PROBE))
     with np.errstate(over="ignore", invalid="ignore"):
-        second = 2.0 / _PROBE * (weight * (now.residual - ahead) / _PROBE - model.ahead(step.step))
+        second = weight * (2.0 * near - now.residual - far) / _PROBE**2
     if not np.all(np.isfinite(second)):
         return np.full(len(x), np.inf)
     values, vectors = model.spectrum(step.free)
