@@ -21,7 +21,8 @@ from exactarm.diagnose.contribution import (
     _waves,
 )
 from exactarm.diagnose.diagnosis import diagnose
-from exactarm.diagnose.signal import ANGLE, LOAD, SPEED, TIME, Signal, axis_of, measured_of
+from exactarm.diagnose.signal import ANGLE, LOAD, SPEED, TIME, Signal, axis_of, measured_of, turn_of
+from exactarm.effects.base import Station
 from exactarm.effects.order_source import likely_source
 from exactarm.effects.tracker_step import TrackerStep
 
@@ -154,10 +155,23 @@ def test_a_direction_that_no_row_shows_is_not_the_own_one():
     """Rows of one number each, as of a face, show nothing along y: 0 / 0 was computed there."""
     at = lambda size: SimpleNamespace(sigma=np.ones((4, 2)), residual=np.tile([size, 0.0], (4, 1)))
     directions = {"the base's y axis": np.zeros((4, 2)), "the base's x axis": np.tile([1.0, 0.0], (4, 1))}
-    name, before, after = _own_direction(at(1.0), at(2.0), SimpleNamespace(joint=None), directions)
+    name, before, after = _own_direction(at(1.0), at(2.0), SimpleNamespace(joint=None, station=Station.LOAD),
+                                         directions)
     assert name == "the base's x axis" and before.tolist() == [2.0] * 4 and after.tolist() == [1.0] * 4
     del directions[name]
-    assert _own_direction(at(1.0), at(2.0), SimpleNamespace(joint=None), directions) == (None, None, None)
+    none = _own_direction(at(1.0), at(2.0), SimpleNamespace(joint=None, station=Station.LOAD), directions)
+    assert none == (None, None, None)
+
+
+def test_an_effect_of_the_device_is_drawn_along_the_device():
+    """A longer range was drawn as a turn of axis 6, which the target hardly shows in some rows."""
+    fitted, without = (SimpleNamespace(sigma=np.ones(2), residual=np.tile(row, (4, 1)))
+                       for row in ([0.5, 0.0], [1.0, 1.0]))
+    device, turn = axis_of("device", "x"), turn_of(6)
+    directions = {device: np.tile([1.0, 0.0], (4, 1)), turn: np.tile([0.0, 1e-3], (4, 1))}
+    along = lambda station: _own_direction(fitted, without, SimpleNamespace(joint=None, station=station),
+                                           directions)[0]
+    assert along(Station.DEVICE) == device and along(Station.LOAD) == turn
 
 
 @pytest.mark.slow

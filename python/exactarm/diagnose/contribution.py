@@ -232,9 +232,11 @@ def _less_mean(values: np.ndarray, group: np.ndarray | None) -> np.ndarray:
 
 def _own_direction(fitted: Fitted, without: Fitted, effect: Effect, directions: dict,
                    waves: np.ndarray | None = None):
-    """Direction in which the effect lowers the residual most, with both residuals (N,); its own axis
-    first."""
-    own = [along for along in directions if effect.joint is not None and along.axis == effect.joint]
+    """Direction in which the effect lowers the residual most, with both residuals (N,); its own axis first,
+    or of an effect of the device the device's axes."""
+    of_device = effect.station is Station.DEVICE
+    own = [along for along in directions if (along.axis == effect.joint if effect.joint is not None
+                                             else of_device and not along.turns)]
     best, fall = (None, None, None), 0.0
     for name in own or directions:
         if not np.any(directions[name]):  # rows of one number each, as of a face, show it in none

@@ -193,7 +193,7 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     unknown = _unknown_beside(causes, findings) + waves
     unconverged = _unconverged(selection)
     stood, refuted = stood_and_refuted(findings)
-    refuted = refuted and not (causes and stood)  # its sets say what stands without them
+    refuted = refuted and not (causes and stood)  # what stands explains it all the same
     worse = sum(gains) < 0.0 and rises(before, after)
     undecided = selection.undecided
     if unconverged or refuted or worse or waves or undecided or sum(gains) < AGAINST:
