@@ -14,6 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 BY_CHANCE = 0.005  # in space and in time: of sets whose wrong rows are so by themselves, one in a hundred
+# (tests/python/test_together.py)
 _DRAWS = 2000  # ten of them are above the limit
 _MOST = 20  # wrong rows, the largest ones
 _SEED = 1
