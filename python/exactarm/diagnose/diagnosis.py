@@ -129,15 +129,10 @@ class Diagnosis:
     unconverged: tuple[str, ...] = ()
     held_out_gain: float = 0.0
     drafts: tuple[Draft, ...] = ()
-    waves: tuple[Structure, ...] = ()
+    unknown: tuple[Structure, ...] = ()  # what is known of causes that the library lacks
     excluded_error: float | None = None  # m, median of the rows that are left out
     excluded_places: tuple[str, ...] = ()  # of these rows, in words
     left_over: LeftOver | None = None
-
-    @property
-    def unknown(self) -> tuple[Structure, ...]:
-        """What is known of causes that the library lacks."""
-        return _unknown_beside(self.causes, self.findings) + self.waves
 
     @property
     def converged(self) -> bool:
@@ -190,7 +185,7 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     else:
         verdict = verdict_of_causes(causes, after, noise, excess)
     waves = problem.waves(last, noise.value if noise.measured else None)
-    unknown = _unknown_beside(causes, findings) + waves
+    unknown = _unknown_beside(causes, findings)
     unconverged = _unconverged(selection)
     stood, refuted = stood_and_refuted(findings)
     refuted = refuted and not (causes and stood)  # what stands explains it all the same
@@ -199,9 +194,13 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     if unconverged or refuted or worse or waves or undecided or sum(gains) < AGAINST:
         verdict = UNEXPLAINED
     drafts = ()
-    if verdict == UNEXPLAINED and problem.by_posterior and not unconverged:
+    if verdict == UNEXPLAINED and problem.drafts and not unconverged:
         progress(DRAFTING)
-        drafts = drafts_of(problem, declared, last)
+        drafts, drafted = drafts_of(problem, declared, _without_outdone(problem, declared, last, findings))
+        if causes is None and drafts:
+            unknown = tuple(Structure(draft.effect.title) for draft in drafts)
+            waves = problem.waves(drafted, noise.value if noise.measured else None)
+    unknown += waves
     wrong = (last.weight == 0.0) & (first.weight > 0.0)  # rows that an effect of the record leaves out
     return Diagnosis(
         robot=kept_masses(_bound(problem.updated_robot(last), robot, data), robot),
@@ -209,7 +208,7 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
         alternatives=alternatives, verdict=verdict,
         sentence=no_verdict(unconverged) if unconverged else sentence_of(
             verdict, findings, alternatives, before, after, left, excess, unknown, sum(gains), undecided),
-        causes=causes, unconverged=unconverged, drafts=drafts, waves=waves, excess=excess,
+        causes=causes, unconverged=unconverged, drafts=drafts, unknown=unknown, excess=excess,
         held_out_gain=sum(gains), next_experiment=words, experiments=experiments, dossier_before=had,
         dossier_after=left, errors_before=errors[0], errors_after=errors[-1], selection=selection,
         problem=problem, excluded=int(wrong.sum()),
@@ -219,6 +218,12 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
         contributions=contributions(problem, last, declared),
         in_space=problem.in_space(first, last),
         left_over=left_over(problem, last, left) if verdict == UNEXPLAINED else None)
+
+
+def _without_outdone(problem: Problem, declared: Layout, last: Fitted, findings) -> Fitted:
+    """The last fit without the effects that something else outdoes: they would hide it."""
+    kept = [finding.effect for finding in findings if finding.likelier is None]
+    return last if len(kept) == len(findings) else refit(problem, declared, kept, last)
 
 
 def _unknown_beside(causes: Causes | None, findings: tuple[Finding, ...]) -> tuple[Structure, ...]:

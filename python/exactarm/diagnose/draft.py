@@ -15,29 +15,24 @@ Held-out rows choose nothing. An unknown function of the device is not drafted: 
 from __future__ import annotations
 
 import re
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.diagnose.cross_validation import CrossValidation, folds_of
+from exactarm.diagnose.cross_validation import folds_of
 from exactarm.diagnose.dictionary import forms_of, is_series, sum_of
-from exactarm.diagnose.evidence import Absorbed, Members, Picture
+from exactarm.diagnose.evidence import Absorbed, Members
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.joint_fit import refit
 from exactarm.diagnose.problem import Problem
-from exactarm.diagnose.search import search
-from exactarm.diagnose.search_round import alike
-from exactarm.diagnose.signal import ANGLE, APPROACH, LOAD, POSITION, TIME, TRAVEL, Signal
+from exactarm.diagnose.signal import ANGLE, APPROACH, DIRECTION, LOAD, POSITION, TIME, TRAVEL, Signal
+from exactarm.diagnose.unknown_axes import unknown_axes
 from exactarm.diagnose.vocabulary import vocabulary_of
 from exactarm.effects.axis_units import moves_by
 from exactarm.effects.base import Effect
 from exactarm.effects.expression import Expression, signal_of
-from exactarm.noise.estimate import estimate_noise
-from exactarm.noise.model import NoiseModel
 from exactarm.numerics.formula import LONGEST
 from exactarm.robot.robot import Robot
 
@@ -46,9 +41,8 @@ _MOST_TERMS, _MOST_SIGNALS = 3, 3
 _LEAST_NATS = 3.0  # of a formula, and of a further term: twenty to one
 _SERIES_COSTS = 5.0  # nats: a short formula up to 150 times less likely is still the one to read and to check
 _PROBABLE = 0.5  # that an unknown function turns the axis, from which it is worth a draft
-_MOST_FUNCTIONS = 6  # searched for at once: twice what is drafted
-_NOISE_PASSES = 2
-_IN_FORMULAS = {ANGLE: "q", TRAVEL: "q", LOAD: "torque", APPROACH: "approach"}
+_IN_FORMULAS = {ANGLE: "q", TRAVEL: "q", LOAD: "torque", APPROACH: "approach",
+                DIRECTION: "approach"}
 _PARAMETER = re.compile(r"[abcw]\d*(_\d+)?$")  # what a formula of the dictionary calls its parameters
 _GAPS_TOLD = 3  # of each signal; the file has all
 _RARE_GAP = 0.01  # chance that evenly scattered values leave one gap as wide
@@ -72,7 +66,7 @@ def gaps_in_words(signal: str, gaps: Sequence[tuple[float, float]],
 class Draft:
     """effect at its fitted values with intervals (k, 2); measured: signal -> (low, high); gaps: signal ->
     intervals inside without a value; log_bayes over the model without it; held_out: RMS error before and
-    after it, in the unit of the errors; short: a formula, not a series; slides: axes (from 1) that slide."""
+    after it, judged_in this unit; short: a formula, not a series; slides: axes (from 1) that slide."""
 
     effect: Expression
     intervals: np.ndarray
@@ -84,6 +78,7 @@ class Draft:
     suspect: str
     short: bool  # a formula, not a series
     slides: frozenset[int] = frozenset()
+    judged_in: str = "m"
 
     @property
     def unit(self) -> str:
@@ -112,82 +107,46 @@ class Draft:
         if any(self.gaps.values()):
             table["gaps"] = {name: [list(gap) for gap in gaps] for name, gaps in self.gaps.items() if gaps}
         table["evidence"] = {"log_bayes": self.log_bayes, "probability": self.probability,
-                             "held_out_rms_m": list(self.held_out)}
+                             f"held_out_rms_{self.judged_in}": list(self.held_out)}
         return table | {"short_formula": self.short, "suspect": self.suspect, "status": "draft"}
 
 
-def drafts_of(problem: Problem, declared: Layout, last: Fitted) -> tuple[Draft, ...]:
+def drafts_of(problem: Problem, declared: Layout, last: Fitted) -> tuple[tuple[Draft, ...], Fitted]:
     """Unknown functions that turn an axis beside the model `last`, the likeliest axis first, each as a
-    formula beside those before it; an axis that no formula describes is left."""
+    formula beside those before it, and the fit with all of them; an axis that no formula describes is
+    left."""
     found: list[Draft] = []
-    fitted = last
-    noise, probabilities = _unknown_axes(problem, fitted)
-    absorbed = None
-    for axis in sorted(probabilities, key=lambda a: -probabilities[a][0]):
-        probability, names = probabilities[axis]
-        if probability < _PROBABLE or len(found) == MOST_DRAFTS:
+    fitted, seen, left = last, unknown_axes(problem, last), set[int]()
+    while len(found) < MOST_DRAFTS:
+        likely = {axis: each[0] for axis, each in seen.likely.items() if axis not in left}
+        if not likely or max(likely.values()) < _PROBABLE:
             break
-        if absorbed is None:
-            absorbed = Absorbed.of(fitted.residual, fitted.jacobian, noise, fitted.prior)
-            parted = absorbed.parted(folds_of(problem.groups(), problem.seed))
-        formula, log_bayes = _best_formula(fitted, absorbed, parted, axis, names)
+        axis = max(likely, key=lambda a: likely[a])
+        left.add(axis)
+        formula, log_bayes = _best_formula(fitted, seen.noise, problem, axis, seen.likely[axis][1])
         if formula is None:
             continue
         titled = replace(formula, heading=_title(formula, problem.robot))
         chosen = [*fitted.layout.effects[len(declared.effects) :], titled]
-        trial = refit(problem, declared, chosen, fitted, noise)
+        weights = seen.noise if problem.by_posterior else None
+        trial = refit(problem, declared, chosen, fitted, weights)
         if trial.fit.converged:
-            found.append(_draft(problem, fitted, trial, log_bayes, probability, not is_series(formula)))
-            fitted, absorbed = trial, None
-    return tuple(found)
+            found.append(_draft(problem, fitted, trial, log_bayes, likely[axis], not is_series(formula)))
+            fitted = trial
+            if not problem.by_posterior:
+                seen = unknown_axes(problem, fitted)
+    return tuple(found), fitted
 
 
-def _unknown_axes(problem: Problem,
-                  fitted: Fitted) -> tuple[NoiseModel, dict[int, tuple[float, list[Signal]]]]:
-    """The noise with unknown functions taken into account; axis -> probability that one turns it, and its
-    signals in the best set."""
-    visits, lost = problem.groups(), fitted.spent
-    vocabulary = vocabulary_of(fitted, [], problem.unknown_functions(fitted))
-    noise = estimate_noise(fitted.residual, lost, visits)
-    if not vocabulary.blocks:
-        return noise, {}
-    for _ in range(_NOISE_PASSES):
-        picture = Picture.of(vocabulary, fitted.residual, fitted.jacobian, noise, fitted.prior)
-        certain, posterior = search(picture, _MOST_FUNCTIONS)
-        beside = posterior.members[posterior.best]
-        members = Members(certain.blocks + beside.blocks, certain.scales + beside.scales)
-        before, noise = noise, estimate_noise(fitted.residual - picture.response(members), lost, visits)
-        if alike(before, noise):
-            break
-    signals, by_label = defaultdict(list), {}
-    for block in vocabulary.blocks:
-        if block.unknown.direction.turns:
-            by_label[block.label] = block.unknown.direction.axis
-    for index in members.blocks:
-        block = vocabulary.blocks[index]
-        if block.label in by_label:
-            signals[by_label[block.label]] += [
-                s for s in block.unknown.signals if s not in signals[by_label[block.label]]]
-    sure = {by_label.get(vocabulary.blocks[i].label) for i in certain.blocks}
-    found = {}
-    for axis, names in signals.items():
-        mine = {label for label, turned in by_label.items() if turned == axis}
-        probability = 1.0 if axis in sure else posterior.probability(partial(_any_of, mine))
-        found[axis] = (min(probability, 1.0), names)
-    return noise, found
-
-
-def _any_of(mine: set[str], labels: tuple[str, ...]) -> bool:
-    return not mine.isdisjoint(labels)
-
-
-def _best_formula(fitted: Fitted, absorbed: Absorbed, parted: CrossValidation, axis: int,
+def _best_formula(fitted: Fitted, noise, problem: Problem, axis: int,
                   found: list[Signal]) -> tuple[Expression | None, float]:
     """The likeliest formula in the signals found, its log Bayes factor; None where none holds."""
     formulas = [formula for formula in map(_in_formulas, found) if formula is not None][:_MOST_SIGNALS]
     signals = {name: signal_of(fitted.view, name) for name in formulas}
     if not signals:
         return None, 0.0
+    absorbed = Absorbed.of(fitted.residual, fitted.jacobian, noise, fitted.prior)
+    parted = absorbed.parted(folds_of(problem.groups(), problem.seed))
     best, value, picture, members = _likeliest(fitted, absorbed, forms_of(axis, signals))
     for term in range(2, _MOST_TERMS + 1):
         if best is None or is_series(best):
@@ -241,7 +200,7 @@ def _draft(problem: Problem, before: Fitted, after: Fitted, log_bayes: float, pr
         {name: (float(values.min()), float(values.max())) for name, values in signals.items()},
         {name: gaps_of(values) for name, values in signals.items()}, log_bayes, probability,
         tuple(float(np.sqrt(np.nanmean(problem.errors(fitted, data) ** 2))) for fitted in (before, after)),
-        _suspect(effect, slides), short, slides)
+        _suspect(effect, slides), short, slides, problem.unit)
 
 
 def gaps_of(values: np.ndarray) -> tuple[tuple[float, float], ...]:

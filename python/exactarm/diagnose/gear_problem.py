@@ -26,7 +26,20 @@ from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.problem_in_time import ProblemInTime
 from exactarm.diagnose.resampled_run import resampled_run, with_reading
 from exactarm.diagnose.scan import free_mask
-from exactarm.diagnose.signal import Direction, Signal, Structure, axis_of, measured_of
+from exactarm.diagnose.signal import (
+    ACCELERATION,
+    ANGLE,
+    DIRECTION,
+    LOAD,
+    MOTOR_ANGLE,
+    SPEED,
+    TRAVEL,
+    Direction,
+    Signal,
+    Structure,
+    axis_of,
+    measured_of,
+)
 from exactarm.diagnose.time_groups import time_groups
 from exactarm.diagnose.wave_in_time import WaveInTime
 from exactarm.effects.base import Effect
@@ -69,6 +82,7 @@ class GearProblem(ProblemInTime):
     unit = "rad/s"
     most_waves_in_time = 3
     repeat_source = "spectrum of the residual without its lines"
+    followed_by_effects = frozenset({ANGLE, TRAVEL, LOAD, DIRECTION, SPEED, ACCELERATION, MOTOR_ANGLE})
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
         self._tones = find_tones(data)
@@ -78,7 +92,7 @@ class GearProblem(ProblemInTime):
         self.resampled, self.record = resampled_run(robot, data, self._records["identification"])
         self._step = typical_step(self.resampled.time[self.record.runs[0]])
         if self.record.encoder_axes:
-            self.unit = "rad"
+            self.unit, self.unknown_rivals, self.drafts = "rad", True, True
 
     def _new_record(self, data: Dataset) -> GearRecord:
         return gear_record(self.robot, data, accelerating=True)
@@ -210,6 +224,10 @@ class GearProblem(ProblemInTime):
         rows_out = (f"{out} of {rows} samples were left out: there {why}",) if out else ()
         return (*rows_out, *map(str, self._tones))
 
+    @property
+    def run(self) -> np.ndarray:
+        return self.resampled.run
+
     def groups(self) -> np.ndarray:
         """Whole runs where every set-up has several of each axis, else pieces of every run.
 
@@ -219,9 +237,8 @@ class GearProblem(ProblemInTime):
         sorts = [(int(self.resampled.session[rows[0]]), axis) for rows, axis in moving]
         several = min(sorts.count(sort) for sort in sorts) >= _RUNS_OF_A_SORT
         if self._noise.drift is not None:
-            return time_groups(self.resampled.run, _LONG_PIECES)
-        run = self.resampled.run
-        return run if several and not self.record.encoder_axes else time_groups(run)
+            return time_groups(self.run, _LONG_PIECES)
+        return self.run if several and not self.record.encoder_axes else time_groups(self.run)
 
     @property
     def least_share(self) -> float:

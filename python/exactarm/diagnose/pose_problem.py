@@ -37,7 +37,7 @@ class PoseProblem(ProblemAtRest):
     """`orientation` residuals are used where every row has them."""
 
     kind = POSES.name
-    by_posterior = True
+    by_posterior = drafts = True
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
         super().__init__(robot, data, held_out, threads, seed)

@@ -29,8 +29,8 @@ class Problem(ABC):
     unit: str = ""
     kind: str = ""
     repeat_source = "repeated visits of the same pose"
-    # whether causes are found by the posterior over sets of them, and effects drafted for what none explains
-    by_posterior = False
+    by_posterior = False  # whether causes are found by the posterior over sets of them
+    drafts = False  # whether effects are drafted for what none explains: formulas that turn an axis
     unknown_rivals = False  # whether effects found step by step have unknown functions for rivals
     # signals of an axis that effects of many forms follow: no unknown function of them is a rival of one
     followed_by_effects: frozenset[str] = frozenset()

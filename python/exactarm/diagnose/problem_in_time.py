@@ -86,8 +86,13 @@ class ProblemInTime(Problem):
         widened = replace(fitted.fit, covariance=fitted.fit.covariance / known.share, freedom=freedom)
         return replace(fitted, sigma=fitted.sigma / np.sqrt(known.share), fit=widened, noise=known)
 
+    @property
+    def run(self) -> np.ndarray:
+        """(N,) of the rows as they are fitted."""
+        return self.record.data.run
+
     def groups(self) -> np.ndarray:
-        return run_groups(self.record.data.run)
+        return run_groups(self.run)
 
     def groups_for(self, response: np.ndarray) -> np.ndarray:
         return stretches_of_response(self.groups(), response, 1.0 / self._noise.share)

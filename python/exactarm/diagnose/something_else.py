@@ -15,7 +15,7 @@ effects of the library compete in the contest (selection.py).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +26,7 @@ from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import free_mask, grid, regularised_gain
 from exactarm.diagnose.search import log_prior_of_count
-from exactarm.diagnose.signal import Structure
+from exactarm.diagnose.signal import Direction, Signal, Structure
 from exactarm.diagnose.time_groups import time_groups
 from exactarm.diagnose.unknown import AMPLITUDE, Unknown, unknown_functions
 from exactarm.diagnose.vocabulary import DESCRIBED, SCALE_WEIGHTS, SCALES, UNKNOWN_MASS, emptied
@@ -60,16 +60,18 @@ def beside_unknown(problem: Problem, steps: list[tuple[Fitted, Effect]],
         ways = [_weighed(before, columns, size * quicker, count(before),
                          float(np.max(value / (size * quicker), initial=0.0)))
                 for quicker in effect.quickness(before.view)]
-        weight = float(special.logsumexp([each for each, _ in ways]) - np.log(len(ways)))
+        weight = float(special.logsumexp([each for each, *_ in ways]) - np.log(len(ways)))
         left = max(ways, key=lambda way: way[0])[1]
         own += weight + _log_prior(effect, candidates(before)) + effect.log_odds
         squares = squares_by_piece(left, before.data_numbers, pieces)
     own += log_prior_of_count(len(steps)) - log_prior_of_count(1)
-    found = _unknown_weights(problem, without, count(without), pieces)
-    best = max(found, key=lambda one: one[0])[1]
-    evidence = np.array([own, *(weight for weight, _, _ in found)])
+    found = weigh_unknown(problem, without, count(without), pieces, rivals_of_effects(problem))
+    if not found:
+        return Beside(1.0, None)
+    best = max(found, key=lambda one: one.weight).unknown
+    evidence = np.array([own, *(one.weight for one in found)])
     near = evidence > evidence.max() - _HOPELESS
-    by_piece, kept = zip(squares, *(one[2] for one in found))
+    by_piece, kept = zip(squares, *(one.squares for one in found))
     if not near[0]:
         return Beside(float(np.exp(own - special.logsumexp(evidence))), best.structure)
     shares = bagged(evidence[near], np.array(by_piece)[near], np.array(kept)[near], count(without))
@@ -78,32 +80,69 @@ def beside_unknown(problem: Problem, steps: list[tuple[Fitted, Effect]],
 
 def pieces_of(problem: Problem) -> np.ndarray:
     """(N,) from 0: pieces of the rows of the search, of one run each."""
-    run = problem.record.data.run
-    return np.unique(np.stack([run, time_groups(run)]), axis=1, return_inverse=True)[1].ravel()
+    pieces = np.stack([problem.run, time_groups(problem.run)])
+    return np.unique(pieces, axis=1, return_inverse=True)[1].ravel()
 
 
-def _unknown_weights(problem: Problem, without: Fitted, count: float,
-                     pieces: np.ndarray) -> list[tuple[float, Unknown, tuple[np.ndarray, float]]]:
-    """Log weight of every unknown function, summed over lengths, and the square sums that it leaves; one
-    direction at a time, to save memory."""
-    signals, directions = problem.signals(without), problem.directions(without)
+@dataclass(frozen=True)
+class Weighed:
+    """An unknown function with its log weight over a fit without it, summed over lengths and scales, and the
+    square sums that it leaves, by piece and beside the pieces."""
+
+    weight: float
+    unknown: Unknown
+    squares: tuple[np.ndarray, float]
+
+
+def weigh_unknown(problem: Problem, without: Fitted, count: float, pieces: np.ndarray,
+                  asked: Callable[[Signal, Direction], bool]) -> list[Weighed]:
+    """Every unknown function of the signals that are asked for along a direction; one direction at a time,
+    to save memory."""
+    directions = problem.directions(without)
     device = {along: pattern for along, pattern in directions.items() if along.of_tracker}
     apart = [{name: pattern} for name, pattern in directions.items() if name not in device]
     found, number = [], 0
     for part in (*apart, device):
-        axes = {along.axis for along in part}
-        asked = {signal: values for signal, values in signals.items()
-                 if signal.quantity not in problem.followed_by_effects or signal.axis not in axes}
-        for unknown, response, sizes in unknown_functions(asked, part, {}, {}):
-            columns, unit = without.whiten(response), problem.unknown_size / AMPLITUDE
-            weighed = [_weighed(without, columns, unit * size, count) for size in sizes]
-            weights = [weight for weight, _ in weighed]
+        for unknown, response, sizes in _functions(problem, without, part, asked):
+            columns = without.whiten(response)
+            weighed = [_weighed(without, columns, size, count) for size in sizes]
+            weights = [weight for weight, *_ in weighed]
             left = weighed[int(np.argmax(weights))][1]
             odds = np.log(DESCRIBED) if unknown.described else 0.0
             found.append((float(special.logsumexp(weights) + odds), unknown,
                           squares_by_piece(left, without.data_numbers, pieces)))
             number += len(sizes)
-    return [(weight + np.log(UNKNOWN_MASS / number), *rest) for weight, *rest in found]
+    return [Weighed(weight + np.log(UNKNOWN_MASS / number), *rest) for weight, *rest in found]
+
+
+def columns_of_unknown(problem: Problem, without: Fitted, unknown: Unknown,
+                       count: float) -> tuple[np.ndarray, np.ndarray]:
+    """Whitened columns (R, k) of an unknown function, and the sizes (k,) of their coefficients that are
+    likeliest."""
+    part = {along: pattern for along, pattern in problem.directions(without).items()
+            if along == unknown.direction}
+    alone = lambda signal, along: signal in unknown.signals
+    response, sizes = next(each for own, *each in _functions(problem, without, part, alone) if own == unknown)
+    columns = without.whiten(response)
+    weighed = [(*_weighed(without, columns, size, count), size) for size in sizes]
+    _, _, scale, size = max(weighed, key=lambda each: each[0])
+    return columns, scale * size
+
+
+def _functions(problem: Problem, without: Fitted, part: dict,
+               asked: Callable[[Signal, Direction], bool]) -> Iterator[tuple]:
+    """(unknown, response (N, m, k), sizes (k,) for each length) along some directions."""
+    unit = problem.unknown_size / AMPLITUDE
+    signals = {signal: values for signal, values in problem.signals(without).items()
+               if all(asked(signal, along) for along in part)}
+    for unknown, response, sizes in unknown_functions(signals, part, {}, {}):
+        yield unknown, response, [unit * size for size in sizes]
+
+
+def rivals_of_effects(problem: Problem) -> Callable[[Signal, Direction], bool]:
+    """Whether effects have an unknown function of a signal along a direction for a rival."""
+    return lambda signal, along: (signal.quantity not in problem.followed_by_effects
+                                  or signal.axis != along.axis)
 
 
 def _log_prior(effect: Effect, candidates: list[Effect]) -> float:
@@ -116,20 +155,22 @@ def _log_prior(effect: Effect, candidates: list[Effect]) -> float:
 
 
 def _weighed(without: Fitted, columns: np.ndarray, size: np.ndarray, count: float,
-             largest: float = 0.0) -> tuple[float, np.ndarray]:
+             largest: float = 0.0) -> tuple[float, np.ndarray, float]:
     """Log marginal likelihood of columns (R, k) over a model without them, summed over the scales of their
-    sizes (k,), and the residual (R,) that the likeliest scale leaves; largest: a size that the scales have to
-    reach."""
+    sizes (k,), the residual (R,) that the likeliest scale leaves, and that scale; largest: a size that the
+    scales have to reach."""
     absorbed, residual = without.basis.T @ columns, without.free_residual
     normal, onto = columns.T @ columns - absorbed.T @ absorbed, columns.T @ residual
     square, terms, found = float(residual @ residual), [], []
-    for scale, log_weight in scales_up_to(largest):
+    scales = scales_up_to(largest)
+    for scale, log_weight in scales:
         gain, values, price = regularised_gain(normal, onto, scale * size)
         left = max(square - gain, 1e-12 * square)
         terms.append(log_weight - price + 0.5 * count * np.log(square / left))
         found.append(values)
-    values = found[int(np.argmax(terms))]
-    return float(special.logsumexp(terms)), residual - columns @ values + without.basis @ (absorbed @ values)
+    best = int(np.argmax(terms))
+    left = residual - columns @ found[best] + without.basis @ (absorbed @ found[best])
+    return float(special.logsumexp(terms)), left, scales[best][0]
 
 
 def scales_up_to(largest: float) -> list[tuple[float, float]]:

@@ -72,7 +72,7 @@ class TrackedProblem(ProblemInTime):
     numbers_of_error = 3
     kind = KIND
     repeat_source = "paths that were played again"
-    unknown_rivals = True
+    unknown_rivals = drafts = True
     motors_within_revolutions = False
     share_left = 0.02  # thousands of rows show a smaller one
 

@@ -12,7 +12,9 @@ compared in the linear picture of the declared fit:
             - 1/2 log det(I + tau^2 C~'C~) - log frequencies tried
 
 so that what one wave explains as well as several effects of gears counts as the wave, and what agrees between
-runs, speeds and directions as the gear. The wave's own gain is taken on the level of the noise around f.
+runs, speeds and directions as the gear. Where effects have unknown functions for rivals, the likeliest one of
+an angle or a load (something_else.py) stands among them: an axis that another one disturbs, to and fro, looks
+like a wave in time, too. The wave's own gain is taken on the level of the noise around f.
 
 Limits: one wave at a time, slower ones than two periods in a run belong to drift.
 """
@@ -30,7 +32,13 @@ from exactarm.diagnose.joint_fit import candidates_for, count_of
 from exactarm.diagnose.problem_in_time import ProblemInTime
 from exactarm.diagnose.scan import free_mask, grid, prior_of
 from exactarm.diagnose.selected import Selection
-from exactarm.diagnose.vocabulary import emptied
+from exactarm.diagnose.something_else import (
+    columns_of_unknown,
+    pieces_of,
+    rivals_of_effects,
+    weigh_unknown,
+)
+from exactarm.diagnose.vocabulary import UNKNOWN_MASS, emptied
 from exactarm.effects.base import Effect
 from exactarm.identify.sensor_tone import summit
 from exactarm.noise.broadband import level_around
@@ -99,8 +107,10 @@ def wave_instead(problem: ProblemInTime, selection: Selection, first: int) -> Wa
     effects = [e for e in last.layout.effects[first:] if not e.excludes_rows()]
     if not effects:
         return None
-    contest = _Contest(bare, effects, runs, time, count_of(problem, last), families)
-    without = max(contest.best(None)[0], contest.of_all(last.square(bare)))
+    count = count_of(problem, last)
+    causes = [_cause_of(bare, effect, families) for effect in effects] + _unknown(problem, bare, count)
+    contest = _Contest(bare, causes, runs, time, count, families)
+    without = max(contest.best(None)[0], contest.of_first(len(effects), last.square(bare)))
     found = None
     for frequency in _lines(_pieces(bare, bare.free_residual, runs), step):
         for terms in _TERMS:
@@ -108,7 +118,7 @@ def wave_instead(problem: ProblemInTime, selection: Selection, first: int) -> Wa
             left = _pieces(bare, contest.left(wave), runs)
             wave = replace(wave, level=max(level_around(left, step, frequency), 1.0))
             odds, kept = contest.best(wave)
-            if len(kept) < len(effects) and odds > (without if found is None else found[0]):
+            if not kept.issuperset(range(len(effects))) and odds > (without if found is None else found[0]):
                 found = odds, kept, wave
     if found is None:
         return None
@@ -132,40 +142,67 @@ class _Wave:
     norm: float
 
 
+@dataclass(frozen=True)
+class _Cause:
+    """Whitened columns (R, k) of an effect or an unknown function, standard deviations (k,) of their
+    coefficients, inf = no prior, and the log of how many of its sort were tried."""
+
+    columns: np.ndarray
+    prior: np.ndarray
+    tried: float
+
+
+def _cause_of(bare: Fitted, effect: Effect, families: int) -> _Cause:
+    return _Cause(bare.columns(emptied(effect))[:, free_mask(effect)], prior_of(effect),
+                  float(np.log(families * len(grid(effect))) - effect.log_odds))
+
+
+def _unknown(problem: ProblemInTime, bare: Fitted, count: float) -> list[_Cause]:
+    """The likeliest unknown function that follows no clock; none where effects have no such rivals."""
+    if not problem.unknown_rivals:
+        return []
+    rival = rivals_of_effects(problem)
+    asked = lambda signal, along: not signal.of_time and rival(signal, along)
+    found = weigh_unknown(problem, bare, count, pieces_of(problem), asked)
+    if not found:
+        return []
+    best = max(found, key=lambda one: one.weight).unknown
+    columns, size = columns_of_unknown(problem, bare, best, count)
+    return [_Cause(columns, size, float(np.log(len(found) / UNKNOWN_MASS)))]
+
+
 class _Contest:
     """Sets of effects, with or without a wave, by their log weight over the model with none of them."""
 
-    def __init__(self, bare: Fitted, effects: list[Effect], runs, time: np.ndarray, count: float,
+    def __init__(self, bare: Fitted, causes: list[_Cause], runs, time: np.ndarray, count: float,
                  families: int):
         self._bare, self._runs, self._time = bare, runs, time
         self._count, self._families = count, families
-        blocks = [bare.columns(emptied(effect))[:, free_mask(effect)] for effect in effects]
-        ends = np.cumsum([0, *(block.shape[1] for block in blocks)])
+        ends = np.cumsum([0, *(cause.columns.shape[1] for cause in causes)])
         self._slices = [np.arange(a, b) for a, b in zip(ends[:-1], ends[1:])]
-        self._columns = self._beside_declared(np.concatenate(blocks, axis=1))
+        self._columns = self._beside_declared(np.concatenate([cause.columns for cause in causes], axis=1))
         self._residual = bare.free_residual
         self._square = float(self._residual @ self._residual)
         self._gram = self._columns.T @ self._columns
         self._onto = self._columns.T @ self._residual
-        prior = np.concatenate([prior_of(effect) for effect in effects])
+        prior = np.concatenate([cause.prior for cause in causes])
         self._penalty = 1.0 / prior**2 + _RIDGE * np.diag(self._gram) + np.finfo(float).tiny
-        self._prices = [self._price(effect, where, prior[where])
-                        for effect, where in zip(effects, self._slices)]
+        self._prices = [self._price(cause, where) for cause, where in zip(causes, self._slices)]
 
     def _beside_declared(self, columns: np.ndarray) -> np.ndarray:
         return columns - self._bare.basis @ (self._bare.basis.T @ columns)
 
-    def _price(self, effect: Effect, where: np.ndarray, prior: np.ndarray) -> float:
-        tried = np.log(self._families * len(grid(effect))) - effect.log_odds
+    def _price(self, cause: _Cause, where: np.ndarray) -> float:
+        prior = cause.prior
         if not np.isfinite(prior).any():
-            return float(tried + 0.5 * where.size * np.log(self._count))
+            return float(cause.tried + 0.5 * where.size * np.log(self._count))
         size = np.where(np.isfinite(prior), prior, 1.0 / np.sqrt(np.diag(self._gram)[where] / self._count))
         system = np.eye(where.size) + size[:, None] * self._gram[np.ix_(where, where)] * size
-        return float(tried + 0.5 * np.linalg.slogdet(system)[1])
+        return float(cause.tried + 0.5 * np.linalg.slogdet(system)[1])
 
-    def of_all(self, square: float) -> float:
-        """Log weight of all effects, whose joint fit leaves a square sum in the same noise."""
-        return self._log_ratio(self._square - square) - sum(self._prices)
+    def of_first(self, number: int, square: float) -> float:
+        """Log weight of so many causes, whose joint fit leaves a square sum in the same noise."""
+        return self._log_ratio(self._square - square) - sum(self._prices[:number])
 
     def left(self, wave: _Wave) -> np.ndarray:
         """Residual that the likeliest set beside the wave leaves."""

@@ -1,0 +1,114 @@
+"""Which axes something else turns, and what it follows: where a draft is to begin.
+
+Poses: unknown functions (unknown.py) are searched once more beside the final model, with the noise that they
+leave. Runs: each function alone beside the final model, its noise as the fit knows it,
+
+    p(axis) = sum over functions that turn the axis of w / (1 + sum over all of w),
+    w = prior x marginal likelihood over the model without it        (something_else.py)
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from scipy import special
+
+from exactarm.diagnose.evidence import Members, Picture
+from exactarm.diagnose.fitted import Fitted
+from exactarm.diagnose.joint_fit import count_of
+from exactarm.diagnose.problem import Problem
+from exactarm.diagnose.search import log_prior_of_count, search
+from exactarm.diagnose.search_round import alike
+from exactarm.diagnose.signal import Signal
+from exactarm.diagnose.something_else import pieces_of, weigh_unknown
+from exactarm.diagnose.vocabulary import vocabulary_of
+from exactarm.noise.estimate import estimate_noise
+from exactarm.noise.model import NoiseModel
+
+_MOST_FUNCTIONS = 6  # searched for at once: twice what is drafted
+_NOISE_PASSES = 2
+_NEAR = 5.0  # nats behind the likeliest function of an axis: what it follows is worth a formula, too
+
+
+@dataclass(frozen=True)
+class KnownNoise:
+    """What a fit knows of the noise of its rows, in the terms of evidence.py; numbers: independent ones."""
+
+    fitted: Fitted
+    numbers: float
+    held_share = 1.0
+
+    def whiten(self, values: np.ndarray) -> np.ndarray:
+        return self.fitted.standard(values)
+
+
+@dataclass(frozen=True)
+class UnknownAxes:
+    """likely: axis -> probability that something else turns it, and the signals that it may follow, the
+    likeliest first; noise: of the rows beside it, in the terms of evidence.py."""
+
+    noise: NoiseModel | KnownNoise
+    likely: dict[int, tuple[float, list[Signal]]]
+
+
+def unknown_axes(problem: Problem, fitted: Fitted) -> UnknownAxes:
+    """Beside the model of a fit."""
+    return _at_rest(problem, fitted) if problem.by_posterior else _in_time(problem, fitted)
+
+
+def _in_time(problem: Problem, fitted: Fitted) -> UnknownAxes:
+    count = count_of(problem, fitted)
+    noise = KnownNoise(fitted, count + fitted.spent)
+    found = weigh_unknown(problem, fitted, count, pieces_of(problem), lambda signal, along: True)
+    first = log_prior_of_count(1) - log_prior_of_count(0)
+    total = np.logaddexp(0.0, special.logsumexp([one.weight for one in found]) + first) if found else 0.0
+    by_axis = defaultdict(list)
+    for one in sorted(found, key=lambda one: -one.weight):
+        # when something happened in one run says nothing of another one
+        if one.unknown.direction.axis is not None and not any(s.of_time for s in one.unknown.signals):
+            by_axis[one.unknown.direction.axis].append(one)
+    likely = {}
+    for axis, ours in by_axis.items():
+        probability = float(np.exp(special.logsumexp([one.weight for one in ours]) + first - total))
+        near = (one.unknown.signals for one in ours if one.weight >= ours[0].weight - _NEAR)
+        likely[axis] = probability, list(dict.fromkeys(s for signals in near for s in signals))
+    return UnknownAxes(noise, likely)
+
+
+def _at_rest(problem: Problem, fitted: Fitted) -> UnknownAxes:
+    visits, lost = problem.groups(), fitted.spent
+    vocabulary = vocabulary_of(fitted, [], problem.unknown_functions(fitted))
+    noise = estimate_noise(fitted.residual, lost, visits)
+    if not vocabulary.blocks:
+        return UnknownAxes(noise, {})
+    for _ in range(_NOISE_PASSES):
+        picture = Picture.of(vocabulary, fitted.residual, fitted.jacobian, noise, fitted.prior)
+        certain, posterior = search(picture, _MOST_FUNCTIONS)
+        beside = posterior.members[posterior.best]
+        members = Members(certain.blocks + beside.blocks, certain.scales + beside.scales)
+        before, noise = noise, estimate_noise(fitted.residual - picture.response(members), lost, visits)
+        if alike(before, noise):
+            break
+    signals, by_label = defaultdict(list), {}
+    for block in vocabulary.blocks:
+        if block.unknown.direction.turns:
+            by_label[block.label] = block.unknown.direction.axis
+    for index in members.blocks:
+        block = vocabulary.blocks[index]
+        if block.label in by_label:
+            signals[by_label[block.label]] += [
+                s for s in block.unknown.signals if s not in signals[by_label[block.label]]]
+    sure = {by_label.get(vocabulary.blocks[i].label) for i in certain.blocks}
+    found = {}
+    for axis, names in signals.items():
+        mine = {label for label, turned in by_label.items() if turned == axis}
+        probability = 1.0 if axis in sure else posterior.probability(partial(_any_of, mine))
+        found[axis] = (min(probability, 1.0), names)
+    return UnknownAxes(noise, found)
+
+
+def _any_of(mine: set[str], labels: tuple[str, ...]) -> bool:
+    return not mine.isdisjoint(labels)
