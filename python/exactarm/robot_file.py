@@ -31,6 +31,7 @@ from exactarm.robot.keys import (
     FRAME_FIELDS,
     GEAR_KEYS,
     GEAR_TABLES,
+    GRAVITY,
     JOINT_KEYS,
     MOST_AXES,
     NOT_NEGATIVE,
@@ -169,7 +170,10 @@ class _Reader:
         joints = tuple(self.joint(entry, f"joints[{i}].") for i, entry in enumerate(entries, start=1))
         optional: dict[str, Any] = {}
         if "gravity_m_s2" in tables:
-            optional["gravity"] = self.array(tables["gravity_m_s2"], "gravity_m_s2", (3,), "three numbers")
+            gravity = self.array(tables["gravity_m_s2"], "gravity_m_s2", (3,), "three numbers")
+            if not GRAVITY[0](size := float(np.linalg.norm(gravity))):
+                raise self.refuse("gravity_m_s2", f"{size:g} m/s²; expected {GRAVITY[1]}")
+            optional["gravity"] = gravity
         if "has_geometry" in tables:
             optional["has_geometry"] = self.take(tables, "has_geometry", bool, "", "true or false")
         for key in ("base", "tool"):
@@ -208,7 +212,7 @@ class _Reader:
         fields: dict[str, Any] = {"type": kind}
         for name, key in keys.items():
             if name in values:
-                holds, expected = key.rule
+                holds, expected = key.rule_of(kind)
                 value = self.number(values[name], where + name, expected)
                 if not holds(value):
                     raise self.refuse(where + name, f"{value:g}; expected {expected}")
@@ -250,11 +254,8 @@ class _Reader:
         if "rotation" in table:
             rotation = self.array(table["rotation"], where + "rotation", (3, 3),
                                   "three rows of three numbers")
-            proper = (
-                np.abs(rotation @ rotation.T - np.eye(3)).max() < ROTATION_TOLERANCE
-                and np.linalg.det(rotation) > 0
-            )
-            if not proper:
+            orthonormal = np.abs(rotation @ rotation.T - np.eye(3)).max() < ROTATION_TOLERANCE
+            if not orthonormal or np.linalg.det(rotation) <= 0:
                 raise self.refuse(where + "rotation",
                                   "is no rotation; expected orthonormal rows, right-handed")
             fields["rotation"] = rotation

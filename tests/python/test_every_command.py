@@ -134,10 +134,13 @@ def test_a_name_that_no_file_can_have_is_bad_input(command, folder, tmp_path, ca
     places = [k for k, word in enumerate(words[: words.index("--out")])
               if Path(word).is_file() or word in shipped_robots()]
     assert places or command == "demo"
-    for place in places:
-        assert cli.main([*words[:place], NO_NAME, *words[place + 1:]]) == 2, words[place]
-        told = capsys.readouterr().err
-        assert told.startswith("exactarm: error: ") and told.count("\n") == 1
+    circle = tmp_path / "circle"
+    circle.symlink_to(circle)
+    for place in [*places, words.index("--out") + 1]:
+        for name in (NO_NAME, str(circle)):
+            assert cli.main([*words[:place], name, *words[place + 1:]]) == 2, words[place]
+            told = capsys.readouterr().err
+            assert told.startswith(f"exactarm: error: {name}: ") and told.count("\n") == 1
 
 
 BLOCKS = ((evaluate, "BLOCK_ROWS", 7), (held_out, "BLOCK_ROWS", 7), (misfit, "_MOST_TOGETHER", 50),

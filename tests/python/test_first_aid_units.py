@@ -157,8 +157,17 @@ def test_a_lag_between_long_plateaus_is_found(late):
     time = 0.004 * np.arange(1500)
     speed = np.interp(time, [0.0, 0.3, 0.6, 5.4, 5.7, 6.0], [0.0, 0.0, 0.6, 0.6, 0.0, 0.0])
     found = lags(time, speed, np.roll(speed, late))
-    close = pytest.approx([0.004 * late] * 2, rel=0.1, abs=0.002)  # what enters the window changes its size
-    assert [found.first, found.last] == close and not found.drifts
+    assert [found.first, found.last] == pytest.approx([0.004 * late] * 2, abs=5e-4) and not found.drifts
+
+
+def test_a_lag_between_encoders_is_told_with_its_size(kr300):  # noqa: F811
+    """Each run has ramps and plateaus: the size of the two over all samples hid four fifths of the lag."""
+    robot, data = kr300
+    late = column(data, "q", lambda q: np.concatenate([q[15:16].repeat(15, axis=0), q[:-15]]))
+    (line,) = first_aid(robot, late.select(np.flatnonzero(data.time > 0.1)))
+    told_s = float(line.partition("lags by ")[2].partition(" s ")[0])
+    assert line.startswith("run 1: the encoder behind the gear lags by ")
+    assert told_s == pytest.approx(0.06, abs=5e-3)
 
 
 def test_stamps_that_do_not_rise_tell_no_lag():

@@ -2,6 +2,7 @@
 with another's."""
 
 import os
+import re
 import subprocess
 import sys
 import time
@@ -18,14 +19,15 @@ from exactarm.files.examples import data_path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from robustness.kills import kills, not_whole
-from robustness.short_runs import RUNS, prepare
+from robustness.kills import not_whole
+from robustness.short_runs import RUNS
 
 DATA = [str(data_path("ur10/series_B.csv")), str(data_path("ur10/series_C.parquet"))]
 KILLS, SEED = 5, 4  # moments; EXACTARM_KILLS=200 for a night
 LONGEST_S = 3.0  # about what the command takes
 
 
+PROGRAM = Path(__file__).parents[1] / "robustness/kills.py"  # in a process of its own: it forks
 PATIENCE_S = 600.0  # of a loaded machine
 
 
@@ -97,7 +99,9 @@ def test_a_file_that_is_missing_or_of_another_run_is_seen(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("command", RUNS)
 def test_any_command_killed_at_any_moment_leaves_a_whole_result_or_none(command, tmp_path):
-    prepare(tmp_path)
-    done = list(kills(command, int(os.environ.get("EXACTARM_KILLS", 2)), tmp_path,
-                      np.random.default_rng(SEED)))
-    assert [each for each in done if each.faults] == []
+    words = ["--count", os.environ.get("EXACTARM_KILLS", "2"), "--seed", str(SEED), command]
+    paths = {"PYTHONPATH": str(Path(cli.__file__).parents[1]), "TMPDIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, str(PROGRAM), *words], env=os.environ | paths, capture_output=True,
+                          text=True, timeout=PATIENCE_S)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert re.fullmatch(rf"{command}: \d+ kills, \d+ after its end, 0 left what is not whole\n", done.stdout)

@@ -10,9 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from exactarm.errors import InputError
+
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from robustness.mutations import WAYS, spoiled
+from robustness.mutations import WAYS, mildly_spoiled, spoiled
 from robustness.samples import samples
 from robustness.trials import COMMANDS, READERS, run_trial
 
@@ -68,3 +70,15 @@ def test_a_trial_sees_a_fault(valid, tmp_path, monkeypatch):
     monkeypatch.setattr("robustness.trials.READERS", {"poses.csv": fail})
     trial = run_trial(FIRST_SEED, tmp_path / "trial", valid, commands=0.0)
     assert trial.failure == "KeyError: 'oops'"
+
+
+def test_a_mild_change_leaves_a_file_that_is_mostly_read(valid, tmp_path):
+    random, read = np.random.default_rng(6), 0
+    for _ in range(40):
+        (tmp_path / "poses.csv").write_bytes(mildly_spoiled(valid["poses.csv"], random))
+        try:
+            READERS["poses.csv"](tmp_path / "poses.csv")
+            read += 1
+        except InputError:
+            continue
+    assert 20 < read and mildly_spoiled(valid["poses.csv"], random) != valid["poses.csv"]

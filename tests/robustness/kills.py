@@ -6,23 +6,29 @@ The property: after each, the output folder holds a whole result (`result.json` 
 with the SHA-256 that it names) or none; what `accept` puts into the user's library is whole or absent; and
 the next run into the same folder ends well and leaves nothing of the killed ones.
 
-Half of the moments lie anywhere, half in the last tenth of a run, where files are written.
+Half of the moments lie anywhere, half in the last tenth of a run, where files are written. Runs are forked
+from this process once it has imported what a whole run imports, so that the moments lie in the work.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import hashlib
+import importlib
 import json
+import multiprocessing
 import os
 import signal
-import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+
+# A process with threads is not forked, and neither is the one that reads tables.
+os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 import numpy as np
 
@@ -34,6 +40,8 @@ from robustness.short_runs import RUNS, environment, prepare, words_of
 
 PACKAGE = Path(cli.__file__).parents[1]
 MOST_SECONDS = 600.0  # of a run that nobody kills
+ALLOCATOR = "jemalloc_bg_thd"  # Arrow's thread that frees memory; it follows a fork by itself
+GROWS = 1.01  # a run, with every kill in its last tenth
 LATE = 0.9  # share of a run after which half of the moments lie
 
 
@@ -57,33 +65,52 @@ def not_whole(folder: Path) -> list[str]:
 
 @dataclass(frozen=True)
 class Killed:
-    """One kill, `after` seconds of a run that takes `of`; had_ended: it came too late."""
+    """One kill, `after` seconds of a run; had_ended: it came too late, by the end at `took`."""
 
     command: str
     after: float
-    of: float
+    took: float
     had_ended: bool
     faults: tuple[str, ...]
 
 
-def _started(command: str, folder: Path) -> subprocess.Popen:
-    words = words_of(command, folder, folder / "out" / command)
-    return subprocess.Popen([sys.executable, "-m", "exactarm", *words], env=environment(PACKAGE, folder),
-                            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True)
+def _run(command: str, folder: Path) -> None:
+    """The short run, in a process and a group of its own; the names of what it imported are left behind."""
+    os.setsid()
+    os.environ.update(environment(PACKAGE, folder))
+    with (folder / "told").open("w") as told, contextlib.redirect_stdout(told), \
+            contextlib.redirect_stderr(told):
+        code = cli.main(words_of(command, folder, folder / "out" / command))
+    (folder / "modules").write_text("\n".join(sys.modules))
+    sys.exit(code)
+
+
+def _forked(work: Callable[..., None], *given: object) -> multiprocessing.Process:
+    threads = [path.read_text().strip() for path in Path("/proc/self/task").glob("*/comm")]
+    assert len([name for name in threads if name != ALLOCATOR]) == 1, f"threads that a fork loses: {threads}"
+    process = multiprocessing.get_context("fork").Process(target=work, args=given)
+    process.start()
+    return process
 
 
 def _whole_run(command: str, folder: Path) -> float:
     """Seconds of a run that nobody kills; it must end well."""
     began = time.monotonic()
-    with _started(command, folder) as process:
-        said = process.communicate(timeout=MOST_SECONDS)[1]
+    process = _forked(_run, command, folder)
+    process.join(MOST_SECONDS)
     out = folder / "out" / command
-    if process.returncode != 0 or not (out / "result.json").exists() or not_whole(out):
-        raise AssertionError(f"{command} ends with exit {process.returncode}: {said.decode()} "
+    if process.exitcode != 0 or not (out / "result.json").exists() or not_whole(out):
+        raise AssertionError(f"{command} ends with exit {process.exitcode}: {(folder / 'told').read_text()} "
                              f"{not_whole(out)}")
     if list(out.rglob(".partial")):
         raise AssertionError(f"{command} leaves {list(out.rglob('.partial'))}")
     return time.monotonic() - began
+
+
+def _import_as_a_run(folder: Path) -> None:
+    for name in (folder / "modules").read_text().split():
+        with contextlib.suppress(ImportError):
+            importlib.import_module(name)
 
 
 def _library_faults(folder: Path) -> list[str]:
@@ -100,17 +127,23 @@ def _library_faults(folder: Path) -> list[str]:
 
 def kills(command: str, count: int, folder: Path, random: np.random.Generator) -> Iterator[Killed]:
     """`count` kills of the short run of `command` in a prepared `folder`, then a run that ends well."""
+    _whole_run(command, folder)
+    _import_as_a_run(folder)
     longest = _whole_run(command, folder)
     for number in range(count):
         after = longest * random.uniform(LATE if number % 2 else 0.0, 1.0)
-        with _started(command, folder) as process:
-            try:
-                process.wait(after)
-            except subprocess.TimeoutExpired:
-                os.killpg(process.pid, signal.SIGKILL)
-            had_ended = process.wait() == 0
+        began, process = time.monotonic(), _forked(_run, command, folder)
+        process.join(after)
+        took = time.monotonic() - began
+        process.kill()
+        with contextlib.suppress(ProcessLookupError):  # it has no group yet, or no one is left in it
+            os.killpg(process.pid, signal.SIGKILL)
+        process.join()
+        had_ended = process.exitcode == 0
+        # A machine that is shared is faster now and slower then.
+        longest = took if had_ended else longest * (GROWS if after > LATE * longest else 1.0)
         faults = not_whole(folder / "out" / command) + _library_faults(folder)
-        yield Killed(command, after, longest, had_ended, tuple(faults))
+        yield Killed(command, after, took, had_ended, tuple(faults))
     _whole_run(command, folder)
 
 
@@ -122,7 +155,7 @@ def main() -> int:
     arguments = parser.parse_args()
     failed = 0
     with tempfile.TemporaryDirectory() as temporary:
-        prepare(Path(temporary))
+        _forked(prepare, Path(temporary)).join()
         for command in arguments.commands or RUNS:
             random = np.random.default_rng([arguments.seed, list(RUNS).index(command)])
             done = list(kills(command, arguments.count, Path(temporary), random))
@@ -132,7 +165,7 @@ def main() -> int:
             print(f"{command}: {len(done)} kills, {late} after its end, {len(bad)} left what is not whole",
                   flush=True)
             for each in bad:
-                print(f"  after {each.after:.3f} of {each.of:.1f} s: {'; '.join(each.faults)}", flush=True)
+                print(f"  after {each.after:.3f} s: {'; '.join(each.faults)}", flush=True)
     return 1 if failed else 0
 
 

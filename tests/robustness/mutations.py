@@ -1,6 +1,8 @@
 """Ways to spoil a file: bytes, numbers, lines, columns, keys. `spoiled(content, random)` applies one to three
 of them.
 
+`mildly_spoiled` leaves the form as it is and changes what it says.
+
 Every way takes and gives bytes and fits any file; those that need lines or cells find them by commas and line
 ends.
 """
@@ -32,6 +34,7 @@ NUMBERS = [b"0", b"-0.0", b"1", b"-1", b"1e-300", b"1e300", b"1e20", b"9" * 400,
            b"[1]", b"{}", b'"1"', b"true", b"9" * 5000, b"\x1e7", "²".encode("latin-1"),
            "²".encode(), "٣".encode()]
 _NUMBER = re.compile(rb"-?\d+\.?\d*(?:[eE][-+]?\d+)?")
+_VALUE = re.compile(rb"(?<![\w.])-?\d+\.?\d*(?:[eE][-+]?\d+)?(?![\w.])")  # no digit of a name
 
 
 def _overwrite(content: bytes, random: np.random.Generator) -> bytes:
@@ -127,6 +130,57 @@ WAYS: tuple[Callable[[bytes, np.random.Generator], bytes], ...] = (
 def spoiled(content: bytes, random: np.random.Generator) -> bytes:
     for _ in range(random.integers(1, 4)):
         content = WAYS[random.integers(len(WAYS))](content, random)
+    return content
+
+
+def _nudged(content: bytes, random: np.random.Generator) -> bytes:
+    """A number with a tenth more or less, another sign, as 0, or in degrees."""
+    found = list(_VALUE.finditer(content))
+    if not found:
+        return content
+    match = found[random.integers(len(found))]
+    factor = [random.uniform(0.9, 1.1), -1.0, 0.0, 180.0 / np.pi, 1e3, 1e-3][random.integers(6)]
+    return content[: match.start()] + repr(float(match[0]) * factor).encode() + content[match.end() :]
+
+
+def _measured(content: bytes, random: np.random.Generator) -> bytes:
+    """Cells of a table below its header: rows in another order, doubled, left out; a column of another sign
+    or unit, the same throughout, lost now and then, a row late, or exchanged with another."""
+    header, *lines = content.split(b"\n")
+    rows = [line.split(b",") for line in lines if line]
+    width = min(map(len, rows), default=0)
+    if width < 2 or len(rows) < 4:
+        return _nudged(content, random)
+    a, b = (int(each) for each in random.integers(0, width, 2))
+    first, last = sorted(int(each) for each in random.integers(0, len(rows), 2))
+    kind, factor = random.integers(9), [-1.0, 1e3, 1e-3, 180.0 / np.pi][random.integers(4)]
+    if kind == 0:
+        rows = [rows[i] for i in random.permutation(len(rows))]
+    elif kind == 1:
+        rows += rows[first:last]
+    elif kind == 2:
+        del rows[first:last]
+    elif kind == 3:
+        late = [rows[0][a], *(row[a] for row in rows[:-1])]
+        for row, cell in zip(rows, late):
+            row[a] = cell
+    else:
+        for number, row in enumerate(rows[first if kind == 8 else 0 :]):
+            if kind in (4, 8) and _VALUE.fullmatch(row[a]):
+                row[a] = repr(float(row[a]) * factor).encode()
+            elif kind == 5:
+                row[a] = rows[0][a]
+            elif kind == 6 and number % 7 == 3:
+                row[a] = b"0"
+            elif kind == 7:
+                row[a], row[b] = row[b], row[a]
+    return b"\n".join([header, *(b",".join(row) for row in rows)]) + b"\n"
+
+
+def mildly_spoiled(content: bytes, random: np.random.Generator) -> bytes:
+    """What is mostly read as if it were right: mistakes of a user more than of a file."""
+    for _ in range(random.integers(1, 3)):
+        content = (_nudged, _measured, _measured)[random.integers(3)](content, random)
     return content
 
 

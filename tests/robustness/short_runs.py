@@ -10,7 +10,7 @@ from robustness.samples import samples
 
 RUNS: dict[str, tuple[str, ...]] = {
     "accept": ("draft.toml",),
-    "batch": ("manifest.csv",),
+    "batch": ("manifest.csv", "--again"),
     "calibrate": ("ur10", "poses.csv"),
     "certify": ("ur10", "poses.csv"),
     "check": ("ur10", "poses.csv", "day.csv"),

@@ -42,7 +42,7 @@ from exactarm.data.session_table import with_sessions
 from exactarm.errors import InputError
 from exactarm.plan.path_file import load_path
 from exactarm.robot_file import load_robot, read_robot
-from robustness.mutations import spoiled, spoiled_words
+from robustness.mutations import mildly_spoiled, spoiled, spoiled_words
 from robustness.samples import samples
 from robustness.short_runs import RUNS
 from robustness.virtual_samples import with_pulses
@@ -51,6 +51,7 @@ MOST_SECONDS = 60.0  # of the processor, of a trial; the slowest valid one takes
 PATIENCE_S = 600.0  # by the clock, of a trial that waits for something
 SHARE_OF_COMMANDS = 0.1
 SHARE_OF_WORDS = 0.5  # of the trials of commands
+SHARE_OF_MILD = 0.6  # of the trials of commands on files: of the others nearly all are refused
 SLOW = ("demo", "loop")  # minutes on spoiled input are no fault of theirs
 
 
@@ -215,11 +216,11 @@ def _reader(name: str, folder: Path, valid: dict[str, bytes], random: np.random.
 
 def _command(words: tuple[str, ...], folder: Path, valid: dict[str, bytes],
              random: np.random.Generator) -> tuple[int, str]:
-    line = []
+    line, change = [], mildly_spoiled if random.random() < SHARE_OF_MILD else spoiled
     for word in words:
         name = word.lstrip("*")
         if name in valid:
-            (folder / name).write_bytes(spoiled(valid[name], random) if word != name else valid[name])
+            (folder / name).write_bytes(change(valid[name], random) if word != name else valid[name])
             name = str(folder / name)
         line.append(name)
     return _run(line, folder)

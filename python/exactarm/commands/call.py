@@ -23,6 +23,7 @@ from exactarm.commands.arguments import available_cores, require_bounded, requir
 from exactarm.commands.outcome import Asked
 from exactarm.commands.plain import sha256
 from exactarm.commands.publish import sources
+from exactarm.commands.result import CommandResult
 from exactarm.data.columns import PAYLOAD
 from exactarm.data.dataset import Dataset, read_dataset
 from exactarm.data.fixture import Fixture, load_fixture
@@ -31,6 +32,7 @@ from exactarm.data.session_table import with_sessions
 from exactarm.errors import InputError
 from exactarm.files.examples import file_or_example
 from exactarm.files.memory_table import AnyFile, MemoryTable, is_memory_table, variable_of
+from exactarm.first_aid.robot_mistakes import robot_mistakes
 from exactarm.robot.robot import Robot
 from exactarm.robot_file import AnyRobot as AnyRobot
 from exactarm.robot_file import load_robot, shipped_robots
@@ -127,9 +129,21 @@ def command(function: Callable[P, R]) -> Callable[P, R]:
     @wraps(function)
     def checked(*given: P.args, **options: P.kwargs) -> R:
         require_common(options)
-        return function(*given, **options)
+        result = function(*given, **options)
+        robot = given[0] if given else options.get("robot")
+        told = with_robot_mistakes(result, robot) if isinstance(result, CommandResult) else result
+        return cast(R, told)
 
     return checked
+
+
+def with_robot_mistakes(result: CommandResult, robot: object) -> CommandResult:
+    """The result with what values of the robot's file contradict each other, once."""
+    if not isinstance(robot, (str, Path, Robot)):
+        return result
+    said = result.json.get("warnings", ())
+    found = [line for line in robot_mistakes(robot_of(robot)) if line not in said]
+    return result.warned(found) if found else result
 
 
 def asked(command: str, robot: AnyRobot, data: Dataset | Sequence[AnyFile] | None, seed: int,

@@ -41,6 +41,7 @@ from exactarm.compensate.setting import Setting, chosen_points, read_frames, rea
 from exactarm.data.columns import MOST, PAYLOAD
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
+from exactarm.files.file_bytes import real_path
 from exactarm.files.memory_table import MemoryTable
 from exactarm.first_aid.load_mistakes import FAR_M
 from exactarm.identify.pose_uncertainty import model_uncertainty
@@ -196,11 +197,11 @@ def _check(robot: Robot, arguments: argparse.Namespace) -> None:
         raise InputError(
             f"robot {robot.name}: its controller corrects targets itself ([controller] absolute_accuracy); "
             "a program must not be corrected twice")
-    out = None if arguments.out is None else Path(arguments.out).resolve()
+    out = None if arguments.out is None else real_path(arguments.out)
     for path in arguments.files:
         if isinstance(path, MemoryTable):
             continue
-        if path.resolve().parent == out:
+        if real_path(path).parent == out:
             raise InputError(
                 "lies in the folder of results and would be overwritten; expected another --out", file=path)
         if path.name in RESULTS:

@@ -63,6 +63,7 @@ from exactarm.report.plots.workspace import poses_view
 from exactarm.robot.robot import Robot
 
 NAME = "design"
+LEAST_NOISE_MM = 1e-4  # a tenth of a micrometre: what is less was meant in m
 NOISE_MM = 0.05  # of a measured coordinate: a laser tracker on an arm that repeats to 0.03 mm
 NEAR_MM, FAR_MM, TILT_DEG = 1e3 * VIEWS.near, 1e3 * VIEWS.far, float(round(np.degrees(VIEWS.lean)))
 HELP = "optimal measurement poses, and others to validate with"
@@ -161,8 +162,8 @@ def _poses(arguments: argparse.Namespace) -> CommandResult:
         station=station_of(arguments.station, arguments.opening, arguments.acceptance),
         frames=arguments.frames, orientation=arguments.use == "pose", seed=arguments.seed,
         threads=arguments.threads)
-    if not 0.0 < arguments.noise_mm < 100.0:
-        raise InputError("--noise-mm: expected between 0 and 100")
+    if not LEAST_NOISE_MM <= arguments.noise_mm < 100.0:
+        raise InputError(f"--noise-mm {arguments.noise_mm:g}: expected mm, {LEAST_NOISE_MM:g} to 100")
     arguments.progress.plan(STEPS["design"])
     found = design_poses(arm, chosen, arguments.progress.stage)
     arguments.progress.stage(CAUSES)

@@ -111,12 +111,15 @@ def _paths_in(arguments: argparse.Namespace) -> list[str | Path]:
 def execute(module: Any, arguments: argparse.Namespace, progress: Progress,
             width: int | None = None) -> Published:
     """Does the work and writes all results; on any failure nothing is left half written."""
+    from exactarm.commands.call import with_robot_mistakes
+
     arguments.progress = progress
     progress.ends_with(DRAWING)
     started = time.perf_counter()
     with OutputFolder(arguments.out, may_write(module, arguments), _paths_in(arguments)) as folder:
         try:
             result = module.run(_with_columns(arguments))
+            result = with_robot_mistakes(result, getattr(arguments, "robot", None))
         except InputError as error:
             raise error.within(_main_input(arguments)) from error
         except InvalidArgument as error:

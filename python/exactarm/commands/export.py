@@ -22,7 +22,7 @@ from exactarm.export.offsets import offsets_text
 from exactarm.export.robodk import station_script
 from exactarm.export.ur_description import kinematics_yaml, link_origins
 from exactarm.export.urdf import patched_urdf
-from exactarm.files.file_bytes import path_of
+from exactarm.files.file_bytes import path_of, real_path
 from exactarm.report import Highlight, Highlights, Quantity, Report, Text, Warnings
 from exactarm.report.numbers import quantity
 from exactarm.robot.mdh_frames import behind_axis, compose
@@ -127,7 +127,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     if arguments.source is not None:
         if arguments.format != "urdf":
             raise InputError("--source: is patched as URDF alone; expected --format urdf")
-        if Path(arguments.source.partition("#")[0]).resolve().parent == Path(arguments.out).resolve():
+        if real_path(arguments.source.partition("#")[0]).parent == real_path(arguments.out):
             raise InputError("lies in the folder of results; expected another --out", file=arguments.source)
     return export(arguments.robot, format=arguments.format, source=arguments.source, hash=arguments.hash,
                   seed=arguments.seed)

@@ -14,6 +14,7 @@ import numpy as np
 
 from exactarm.commands.arguments import add_robot
 from exactarm.commands.output import PICTURES, ROBOT_FILES
+from exactarm.commands.planning_arguments import noise_of
 from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import CALIBRATING, EXECUTING, MEASURING, STEPS
 from exactarm.data.dataset import Dataset
@@ -95,6 +96,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     if not arguments.effect:
         raise InputError("--effect: expected a hidden cause to be found, as --effect \"gear_ratio joint=2 "
                          "scale=3e-4\"")
+    noise_of(arguments.noise)
     random = np.random.default_rng(arguments.seed)
     true = placed(deviated(robot, arguments.deviation, random, frames=False), random)
     # Masses and springs as declared: what is hidden is the cause that was asked for, and the geometry.

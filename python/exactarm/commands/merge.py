@@ -24,6 +24,7 @@ from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
 from exactarm.files.memory_table import AnyFile
 from exactarm.files.table import column_names, write_table
+from exactarm.first_aid.first_aid import first_aid
 from exactarm.report import Highlight, Highlights, Quantity, Report, Table, Text, Warnings
 from exactarm.robot.robot import Robot
 
@@ -87,7 +88,7 @@ def merge(robot: AnyRobot, joints: AnyTable, points: AnyTable, *, by: str | None
                  {"by": None, "unit": None, "layout": None, "group": [], "columns": None})
     files = sources((joints, points))
     line = call.line.replace(", ", f", {path_word(joints)}, {path_word(points)}, ", 1)
-    warnings = (*_warnings(merged), *data.notes)
+    warnings = (*_warnings(merged), *data.notes, *(first_aid(arm, data) if arm.has_geometry else ()))
     return CommandResult(json=_json(merged, told, warnings),
                          report=_report(arm, data, merged, told, warnings), tables={FILE: table}, data=data,
                          asked=replace(call, line=line, files=(*call.files, *files)))

@@ -29,6 +29,7 @@ import pyarrow.csv
 
 from exactarm.commands.plain import plain, sha256
 from exactarm.errors import InputError
+from exactarm.files.file_bytes import real_path
 
 RESULT = "result.json"
 PARTIAL = ".partial"
@@ -144,7 +145,7 @@ class OutputFolder:
 
     def _require_free(self, patterns: Sequence[str], inputs: Iterable[Any]) -> None:
         """Refuses what results of such names could not, or must not, replace."""
-        read, own = {Path(path).resolve() for path in inputs}, self._written()
+        read, own = {real_path(path) for path in inputs}, self._written()
         there = [*self.path.iterdir()]
         if any(pattern.startswith(f"{PLOTS}/") for pattern in patterns) and os.path.lexists(
             plots := self.path / PLOTS
@@ -152,7 +153,7 @@ class OutputFolder:
             if plots.is_symlink() or not plots.is_dir() or not os.access(plots, os.W_OK):
                 raise InputError("stands where a folder of plots is to be written; expected another --out",
                                  file=plots)
-            there += (target for target in plots.iterdir() if target.resolve() in read)
+            there += (target for target in plots.iterdir() if real_path(target) in read)
         for target in there:
             name = target.relative_to(self.path).as_posix()
             if not any(fnmatchcase(name, pattern) for pattern in patterns):
@@ -160,7 +161,7 @@ class OutputFolder:
             if target.is_dir():
                 raise InputError("is a folder where a result is to be written; expected another --out",
                                  file=target)
-            if target.resolve() in read or name not in own:
+            if real_path(target) in read or name not in own:
                 raise InputError("would be overwritten by the result of the same name; expected another "
                                  "--out", file=target)
 

@@ -11,9 +11,13 @@ from exactarm.design.pose_space import Box
 from exactarm.errors import InputError
 from exactarm.identify.identifiability import Dropped
 from exactarm.identify.planned import FRAMES, SIGMA_POSITION_M
+from exactarm.identify.reach import reach
 from exactarm.robot.controller_frames import with_target
 from exactarm.robot.robot import Robot
 
+FARTHEST_STATION_M = 100.0
+MOST_NOISE_M = 0.02  # of a tape measure: what is more was meant in mm
+LONGEST_TOOL = 3.0  # times the reach: a fishing rod
 ACCEPTANCE_DEG = float(np.degrees(ACCEPTANCE_RAD))
 Numbers = str | Sequence[float] | np.ndarray  # "0.05,0,0.1" on the command line
 
@@ -61,7 +65,11 @@ def station_of(position: Numbers | Station | None, opening: str | None = None,
         raise InputError(f"--opening {opening}: expected a direction, not zero")
     if not 0.0 < acceptance_deg <= 180.0:
         raise InputError(f"--acceptance {acceptance_deg}: expected degrees above 0, 180 at most")
-    return Station(numbers_of("--station", position, 3), axis, float(np.radians(acceptance_deg)))
+    where = numbers_of("--station", position, 3)
+    if np.linalg.norm(where) > FARTHEST_STATION_M:
+        raise InputError(f"--station {position}: {np.linalg.norm(where):.4g} m from the robot; expected "
+                         f"metres, at most {FARTHEST_STATION_M:g}, as far as trackers measure")
+    return Station(where, axis, float(np.radians(acceptance_deg)))
 
 
 def add_noise(parser: argparse.ArgumentParser) -> None:
@@ -77,7 +85,12 @@ def tool_of(text: Numbers | None) -> np.ndarray | None:
 def with_tool(robot: Robot, text: Numbers | None) -> Robot:
     """The robot with the target where --tool says."""
     tool = tool_of(text)
-    return robot if tool is None else with_target(robot, tool)
+    if tool is None:
+        return robot
+    if 0.0 < LONGEST_TOOL * reach(robot) < np.linalg.norm(tool):
+        raise InputError(f"--tool {text}: {np.linalg.norm(tool):.4g} m from the flange of an arm that "
+                         f"reaches {reach(robot):.2g} m; expected metres")
+    return with_target(robot, tool)
 
 
 def box_of(text: Numbers | Box | None) -> Box:
@@ -109,8 +122,9 @@ def clearance_of(value: float | None) -> float | None:
 
 
 def noise_of(value: float) -> float:
-    if not value > 0.0 or not np.isfinite(value):
-        raise InputError(f"--noise {value}: expected a standard deviation in m, above 0")
+    if not 0.0 < value <= MOST_NOISE_M:
+        raise InputError(f"--noise {value}: expected a standard deviation in m, above 0, at most "
+                         f"{MOST_NOISE_M:g}")
     return value
 
 

@@ -187,7 +187,9 @@ class CommandResult(Outcome):
     def warned(self, found: Sequence[str]) -> CommandResult:
         """The same with more warnings, before its own: in result.json, in the report, and in its colour; and
         with one more where the new model errs more on held-out rows than the declared one."""
-        found = [*found, *_worse(self.json, self.tables.get("residuals.csv", {}))]
+        said = self.json.get("warnings", ())
+        worse = _worse(self.json, self.tables.get("residuals.csv", {}))
+        found = [*found, *(line for line in worse if line not in said)]
         if not found:
             return self
         report, json = self.report, dict(self.json)

@@ -17,6 +17,11 @@ def path_of(path: object, expected: str) -> Path:
     return Path(path)
 
 
+def real_path(path: str | Path) -> Path:
+    """Without links; those in a circle stay (`Path.resolve` raises RuntimeError on them)."""
+    return Path(os.path.realpath(path))
+
+
 def file_bytes(path: str | Path) -> bytes:
     """All of a file or pipe. A device has no end, and a file may be larger than the memory."""
     kind = os.stat(path).st_mode

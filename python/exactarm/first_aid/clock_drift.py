@@ -15,6 +15,7 @@ from exactarm.numerics.signals import typical_step
 LEAST_CORRELATION = 0.9  # below, the two signals do not tell when they agree
 LEAST_DRIFT_S, LEAST_DRIFT_STEPS = 0.005, 2.0  # smaller ones are rounding of the stamps
 MOST_SAMPLES = 4000  # of a third
+MOST_SIZES = 20  # each from the overlap at the lag that the size before gave
 SMOOTH_SAMPLES = 15  # of the mean before a slope is taken: a bend of any motion is longer
 SURE = 6.0  # standard deviations of a drift: slow motions leave little beside the noise of a speed
 
@@ -58,11 +59,10 @@ def lags(time: np.ndarray, one: np.ndarray, other: np.ndarray) -> Lags | None:
 def _lag(one: np.ndarray, other: np.ndarray) -> tuple[float, float] | None:
     """In samples, with its standard deviation: where the mean square difference of the two, of one size, is
     least. Per sample of their overlap, for a plain correlation falls with the overlap, and hides a lag
-    between two long plateaus."""
-    sizes = float(np.linalg.norm(one)), float(np.linalg.norm(other))
+    between two long plateaus. Of one size where they overlap: at the ends of a ramp one of them has more of
+    the plateau, and its size over all samples would hide most of the lag."""
     if min(np.ptp(one), np.ptp(other)) == 0.0:
         return None
-    other = other * (sizes[0] / sizes[1])
     length, most = len(one), len(one) // 3
     count = 1 << int(np.ceil(np.log2(2 * length)))
     product = np.fft.irfft(np.fft.rfft(other, count) * np.conj(np.fft.rfft(one, count)), count)
@@ -70,12 +70,17 @@ def _lag(one: np.ndarray, other: np.ndarray) -> tuple[float, float] | None:
     before = [np.concatenate([[0.0], np.cumsum(values**2)]) for values in (one, other)]
     begin = [np.maximum(-late, 0), np.maximum(late, 0)]
     square = [sums[first + length - np.abs(late)] - sums[first] for sums, first in zip(before, begin)]
-    left = (square[0] + square[1] - 2.0 * product[late]) / (length - np.abs(late))
-    at = int(np.argmin(left))
+    at = most  # no lag, for the first size
+    for _ in range(MOST_SIZES):
+        size = np.sqrt(square[0][at] / max(square[1][at], 1e-300))
+        left = (square[0] + size**2 * square[1] - 2.0 * size * product[late]) / (length - np.abs(late))
+        earlier, at = at, int(np.argmin(left))
+        if at == earlier:
+            break
     if not 0 < at < len(late) - 1:
         return None
     lag, both = int(late[at]), length - abs(int(late[at]))
-    pair = one[max(-lag, 0) :][:both], other[max(lag, 0) :][:both]
+    pair = one[max(-lag, 0) :][:both], size * other[max(lag, 0) :][:both]
     if min(map(np.ptp, pair)) == 0.0 or np.corrcoef(*pair)[0, 1] < LEAST_CORRELATION:
         return None
     bend = left[at - 1] - 2.0 * left[at] + left[at + 1]

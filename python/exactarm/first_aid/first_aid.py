@@ -16,6 +16,7 @@ from exactarm.first_aid.camera_mistakes import camera_mistakes
 from exactarm.first_aid.gear_mistakes import gear_mistakes
 from exactarm.first_aid.load_mistakes import load_mistakes
 from exactarm.first_aid.lone_readings import lone_readings
+from exactarm.first_aid.lost_readings import lost_readings
 from exactarm.first_aid.motion_mistakes import motion_mistakes
 from exactarm.first_aid.odd_rows import odd_rows
 from exactarm.first_aid.odd_runs import odd_runs
@@ -53,7 +54,8 @@ def first_aid(robot: Robot, data: Dataset, placed: bool = False) -> tuple[str, .
                 continue
     # What a column shows by itself is certain; what explains the data tells more than a limit that is passed.
     found = list(column_mistakes(robot, data)) or found or list(limit_mistakes(robot, data))
-    found = [*(list(cell_mistakes(data)) or alone), *repeated_rows(data), *found]
+    cells = list(cell_mistakes(data)) or list(lost_readings(data)) or alone
+    found = [*cells, *repeated_rows(data), *found]
     return tuple(dict.fromkeys(suspicion.text for suspicion in found))
 
 

@@ -31,7 +31,7 @@ from exactarm.first_aid.suspicion import FALL, Suspicion, in_order
 from exactarm.identify.reach import reach
 from exactarm.numerics.signals import typical_step
 from exactarm.robot.axes_in_words import axes_in_words
-from exactarm.robot.robot import Robot
+from exactarm.robot.robot import GRAVITY_M_S2, Robot
 from exactarm.robot_file import load_robot, shipped_robots
 
 _DEGREE = np.pi / 180.0
@@ -59,7 +59,7 @@ _LEAST_SHARE = 0.7  # axes that hardly feel the masses may fit a little worse
 _NEAR_A_UNIT = 0.05, 0.3  # of ln: of a unit near Nm, and of others
 # 99 % of the largest torque over reach^3, Nm/m^3: six shipped and simulated arms lie between 20 and 400, and
 # arms of one build go with the cube
-_LEAST_LOAD_NM_M3, _MOST_LOAD_NM_M3 = 0.5, 5000.0
+_LEAST_LOAD_NM_M3, _MOST_LOAD_NM_M3 = 0.5, 2000.0
 
 Candidate = tuple[str, MotionSamples]
 Rival = tuple[float, Suspicion]  # product of the axes' shares with the mistake undone
@@ -121,11 +121,14 @@ def candidates(samples: MotionSamples) -> Iterator[Candidate]:
         yield f"the angles of {axes_in_words((i, j))} exchanged", pairs[i, j][0]
         yield f"the torques of {axes_in_words((i, j))} exchanged", samples.with_torques(exchange)
     up = motion.robot.gravity
-    yield "gravity pointing the other way", replace(samples, motion=motion.under(-up))
+    none = not up.any()
+    if not none:
+        yield "gravity pointing the other way", replace(samples, motion=motion.under(-up))
+    size = GRAVITY_M_S2 if none else np.linalg.norm(up)
     for k, name in enumerate("xyz"):
         for sign in (1.0, -1.0):
-            along = sign * np.linalg.norm(up) * motion.robot.controller.base.rotation[k]
-            if np.linalg.norm(np.cross(along, up)) > 0.5 * np.linalg.norm(up) ** 2:
+            along = sign * size * motion.robot.controller.base.rotation[k]
+            if none or np.linalg.norm(np.cross(along, up)) > 0.5 * size**2:
                 yield (f"gravity along {'+' if sign > 0 else '-'}{name} of the base (the arm's mounting)",
                        replace(samples, motion=motion.under(along)))
     for i in range(n):

@@ -11,6 +11,7 @@ import numpy as np
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import GEAR_RUN, kind_of
 from exactarm.data.kinds.base import runs_in_time
+from exactarm.first_aid.rate_mistakes import rate_mistakes
 from exactarm.first_aid.suspicion import Suspicion
 from exactarm.identify.planned import controller_angles
 from exactarm.numerics.signals import typical_step
@@ -22,6 +23,7 @@ MOST_RATE_RAD_S = 30.0  # the wrists of the fastest small arms: 15
 LEAST_RATE_RAD_S = 0.02  # of the fastest axis: a degree a second shows no dynamics ...
 LONG_STEP_S = 0.05  # ... and with such steps between samples, a time in milliseconds was meant
 LONGEST_STEP_S = 2.0  # between samples of any motion
+MICROSECONDS_S = 100.0  # and more: 0.1 s and more in milliseconds, which no log of a motion has
 BEYOND = 0.25  # of an axis' range
 TORQUE_BEYOND = 3.0  # times the largest that is declared
 RATE_BEYOND = 3.0
@@ -99,9 +101,10 @@ def _primes(count: int) -> np.ndarray:
 
 
 def column_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
-    """Columns that no motion and no drive gives, whatever the model: wrapped angles, torques that never
-    change or never have a sign, a device that stands still while the arm moves."""
+    """Columns that no motion and no drive gives, whatever the model: wrapped angles, rates of other angles,
+    torques that never change or never have a sign, a device that stands still while the arm moves."""
     yield from _wrapped(robot, data)
+    yield from rate_mistakes(robot, data)
     yield from _never_changing(robot, data)
     yield from _without_sign(data)
     yield from _stuck(data)
@@ -244,7 +247,8 @@ def _rates(robot: Robot, data: Dataset, angles: np.ndarray) -> Iterator[Suspicio
     step, revolute = float(np.median(steps)), np.array([joint.type == "revolute" for joint in robot.joints])
     usual = fastest[revolute].max() if revolute.any() else np.inf
     if step > LONGEST_STEP_S or (step > LONG_STEP_S and 0.0 < usual < LEAST_RATE_RAD_S):
-        yield Suspicion(f"samples lie {step:.3g} s apart: is the time in milliseconds, labelled as seconds?")
+        meant = "microseconds" if step > MICROSECONDS_S else "milliseconds"
+        yield Suspicion(f"samples lie {step:.3g} s apart: is the time in {meant}, labelled as seconds?")
         return
     limits = np.array(
         [RATE_BEYOND * joint.q_dot_max if joint.q_dot_max else MOST_RATE_RAD_S for joint in robot.joints])

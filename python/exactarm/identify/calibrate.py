@@ -20,6 +20,7 @@ from exactarm.data.kinds import POSES, kind_of
 from exactarm.data.split import DEFAULT_SEED, pose_groups
 from exactarm.effects.parameter_id import Group, ParameterId
 from exactarm.errors import InputError
+from exactarm.identify.calibration_doubts import far_from_drawing, left_over
 from exactarm.identify.compliance import compliance_layout
 from exactarm.identify.declared import (
     all_effects,
@@ -34,7 +35,6 @@ from exactarm.identify.identifiability import Identifiability, select_identifiab
 from exactarm.identify.loads import kept_masses, with_loads
 from exactarm.identify.match import require_match
 from exactarm.identify.pose_fit import PoseFit, fit_poses
-from exactarm.identify.reach import reach
 from exactarm.identify.repeats import worth_of_rows
 from exactarm.identify.session_payloads import EstimatedPayload, payload_layout, session_payloads
 from exactarm.identify.statistics import ErrorSummary, summarise
@@ -52,8 +52,6 @@ if TYPE_CHECKING:
 
 # Steps as they are told, in their order.
 FRAMES, GEOMETRY, JUDGING = "base and tool frames", "geometry, gears and springs", "judging held-out rows"
-# Of the reach, after calibration: arms miss by 0.001 to 0.003 of it before, by a tenth of that after.
-MOST_LEFT = 0.004
 _PARALLEL = 0.05  # share of all turning that is about another axis: deviations are a tenth of it
 _BEYOND = 3.0  # standard deviations that the data would have a parameter beyond its bound
 
@@ -156,14 +154,16 @@ def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = Calibra
     parts = {"identification": identification, "validation": ~identification}
     apart = wild_rows(error_after)
     wild = (wild_rows_line(error_after, apart),) if options.robust and apart.any() else ()
-    return Calibration(robot=kept_masses(calibrated_robot(robot, train, fit.layout, fit.fit), declared),
+    new = kept_masses(calibrated_robot(robot, train, fit.layout, fit.fit), declared)
+    return Calibration(robot=new,
                        fit=fit, data=data, identification=identification, error_before=error_before,
                        error_after=error_after, residual_after=residual,
                        before={k: summarise(error_before[mask]) for k, mask in parts.items()},
                        after={k: summarise(error_after[mask]) for k, mask in parts.items()},
                        identifiability=identifiability, orientation=orientation,
                        warnings=(*_warnings(fit, train, found), *wild,
-                                 *_left_over(robot, float(np.sqrt(np.mean(error_after[~apart] ** 2))))),
+                                 *far_from_drawing(declared, new),
+                                 *left_over(robot, data, float(np.sqrt(np.mean(error_after[~apart] ** 2))))),
                        drawn=fit.drawn,
                        payloads=session_payloads(data, fit.layout, fit.fit.interval()))
 
@@ -305,14 +305,6 @@ def _parallel(robot: Robot) -> bool:
     from_first = np.array([log(rotation @ turned[0].T) for rotation in turned[1:]])
     spread = np.linalg.svd(from_first, compute_uv=False)
     return bool(spread[1] < _PARALLEL * max(spread[0], 1e-12))
-
-
-def _left_over(robot: Robot, left_m: float):
-    """Data that no arm gives: columns or rows that do not belong together, whichever they are."""
-    if left_m > MOST_LEFT * reach(robot):
-        yield (f"{1e3 * left_m:.2g} mm (RMS) are left after calibration, more than an arm that reaches "
-               f"{reach(robot):.2g} m misses by: are rows, columns or files mixed up, angles rounded, a "
-               "column not measured, or is the device as coarse?")
 
 
 def _warnings(fit: PoseFit, data: Dataset, found: list):

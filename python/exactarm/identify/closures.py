@@ -19,6 +19,7 @@ from exactarm.data.fixture import Fixture
 from exactarm.effects.base import Station
 from exactarm.errors import InputError
 from exactarm.identify.calibrate import GEOMETRY, JUDGING, Calibration, CalibrationOptions, calibrated_robot
+from exactarm.identify.calibration_doubts import far_from_drawing
 from exactarm.identify.closure_fit import ClosureFit, Pulls, fit_closures
 from exactarm.identify.closure_scale import gravity_alone, longest_length, scale_is_known, with_held_in_doubt
 from exactarm.identify.compliance import compliance_layout
@@ -100,7 +101,8 @@ def calibrate_closures(robot: Robot, data: Dataset, options: CalibrationOptions 
     place = judged_rows(rows)
     beside = lambda each, errors: {name: other_errors(robot, each.layout, rows, errors, mask, options.threads)
                                    for name, mask in parts.items()}
-    return Calibration(robot=kept_masses(updated_robot(robot, train, fit), drawn),
+    new = kept_masses(updated_robot(robot, train, fit), drawn)
+    return Calibration(robot=new,
                        fit=fit, data=rows, identification=rows.identification, error_before=before.error(),
                        error_after=after.error(), residual_after=after.seen,
                        before={name: summarise(before.error()[mask & place]) for name, mask in parts.items()},
@@ -109,7 +111,7 @@ def calibrate_closures(robot: Robot, data: Dataset, options: CalibrationOptions 
                        orientation=fit.prediction.used.shape[1] == 6,
                        beside_before=beside(declared.nominal, before),
                        beside_after=beside(fit, after),
-                       warnings=(*_warnings(declared, train),
+                       warnings=(*_warnings(declared, train), *far_from_drawing(drawn, new),
                                  *length_doubts(fit, train, declared.pulls, options.threads),
                                  *gross_corner_warning(data), *unjudged_lines(rows),
                                  *partner_warnings(fit, train, declared.pulls, options.threads)))

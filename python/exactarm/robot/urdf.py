@@ -21,7 +21,7 @@ from exactarm.errors import InputError
 from exactarm.files.table import atomic_file
 from exactarm.robot.controller_frames import base_in_device, joined, target_on_flange
 from exactarm.robot.generic_masses import with_declared_masses
-from exactarm.robot.keys import MOST_AXES
+from exactarm.robot.keys import ANGLE_LIMIT, MOST_AXES, RATE_LIMIT
 from exactarm.robot.mdh_frames import Axis, behind_axis, compose, mdh_chain, relative, rotation_z
 from exactarm.robot.robot import GRAVITY_M_S2, Controller, Joint, Link, Placement, Robot, frame_of
 from exactarm.robot.urdf_tree import MOVING, UrdfJoint, UrdfTree, read_tree
@@ -74,10 +74,16 @@ def _joint(geometry: Joint, source: UrdfJoint) -> Joint:
     limits = (None, None) if source.type == "continuous" else (numbers.get("lower"), numbers.get("upper"))
     if limits[0] is not None and limits[1] is not None and limits[0] >= limits[1]:
         limits = (None, None)
+    turning = source.type != "prismatic"
+    if turning and any(bound is not None and not ANGLE_LIMIT[0](bound) for bound in limits):
+        limits = (None, None)  # as -1e16 to 1e16: without an end
+    velocity = declared("velocity")
+    if turning and velocity is not None and not RATE_LIMIT[0](velocity):
+        velocity = None
     fields = {name: getattr(geometry, name) for name in ("type", "sign", "zero", "d", "a", "alpha", "beta")}
     return Joint(**fields, ratio=numbers.get("ratio"), coulomb=numbers.get("friction"),
                  viscous=numbers.get("damping"), q_min=limits[0], q_max=limits[1],
-                 q_dot_max=declared("velocity"), torque_max=declared("effort"))
+                 q_dot_max=velocity, torque_max=declared("effort"))
 
 
 def _links(tree: UrdfTree, way: tuple[UrdfJoint, ...], moving: list[UrdfJoint], places: dict[str, Placement],
