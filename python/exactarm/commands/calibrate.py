@@ -18,6 +18,7 @@ from exactarm.commands.call import (
     asked,
     command,
     data_of,
+    files_among,
     require_choice,
     robot_of,
     table_option,
@@ -88,7 +89,8 @@ def calibrate(robot: AnyRobot, data: AnyData, *, use: Literal["auto", "position"
     require_choice("use", use, ("auto", "position", "pose"))
     compliance = _axes(compliance) if isinstance(compliance, str) else compliance
     sessions = table_option(sessions, "sessions")
-    given = {"use": use, "compliance": compliance, "robust": robust, "sessions": sessions}
+    given = {"use": use, "compliance": compliance, "robust": robust, "kind": kind,
+             "fixture": fixture, "sessions": sessions}
     declared = robot_of(robot)
     progress.plan(STEPS["calibrate"])
     progress.stage(READING)
@@ -109,6 +111,7 @@ def calibrate(robot: AnyRobot, data: AnyData, *, use: Literal["auto", "position"
         robot=result.robot,
         tables={"residuals.csv": residual_table(result.data, result.identification, result.error_before,
                                                 result.residual_after)},
+        inputs=files_among(fixture, sessions),
         asked=asked("calibrate", robot, rows, seed, given,
                     {"use": "auto", "compliance": None, "robust": None})).warned([*told, *found])
     made = with_payload_section(made, result.payloads, "One stiffness for all sessions.")

@@ -101,6 +101,12 @@ def table_option(data: AnyTable | None, name: str) -> AnyFile | None:
     return MemoryTable.of(data, name) if is_memory_table(data) else cast("AnyFile | None", data)
 
 
+def files_among(*options: Any) -> tuple[AnyFile, ...]:
+    """Of what was read beside the data, the files and tables."""
+    return tuple(option for option in options if isinstance(option, MemoryTable)
+                 or (isinstance(option, (str, Path)) and os.path.isfile(option)))
+
+
 def files_of(data: Any, expected: str = "files") -> list[str | Path]:
     """Paths of one or more files."""
     files = listed(data)
@@ -144,7 +150,7 @@ def asked(command: str, robot: AnyRobot, data: Dataset | Sequence[AnyFile] | Non
     words = [path_word(source.path) for source in files] or (["data"] if isinstance(data, Dataset) else [])
     given = [words[0] if len(words) == 1 else f"[{', '.join(words)}]"] if words else []
     changed = {key: value for key, value in options.items() if repr(value) != repr((defaults or {}).get(key))}
-    keys = [f"{key}={value!r}" for key, value in (*changed.items(), ("seed", seed))]
+    keys = [f"{key}={_value_word(key, value)}" for key, value in (*changed.items(), ("seed", seed))]
     call = ", ".join([path_word(robot) if not isinstance(robot, Robot) else "robot", *given, *keys])
     return Asked(command, f"exactarm.{command}({call})", name, read, seed)
 
@@ -204,6 +210,11 @@ def _word_of(value: Any) -> str:
     if isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, str):
         return ",".join(_word_of(item) for item in value)
     return str(value)
+
+
+def _value_word(key: str, value: Any) -> str:
+    """An option as a call has it; a fixture, which is a value of many lines, by its name."""
+    return key if isinstance(value, Fixture) else repr(str(value) if isinstance(value, Path) else value)
 
 
 def path_word(path: Any) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from exactarm.commands.model_trust import trust_highlights, trust_text
 from exactarm.compensate.correction import Correction
 from exactarm.compensate.frames import CellFrames
 from exactarm.compensate.law import CompensationModel
+from exactarm.compensate.program import Program
 from exactarm.identify.statistics import summarise
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import quantity, with_prefixes
@@ -145,10 +147,15 @@ def _figures(corrections: Sequence[Correction]) -> tuple[Figure, ...]:
             "size of the correction of each target"))
 
 
+def _line(program: Program, line: int) -> int | str:
+    """As a column `line` has it: a table in memory has none."""
+    return line if isinstance(program.files[0].path, Path) else program.line_name(line)
+
+
 def _largest_rows(corrections: Sequence[Correction], most: int = 12) -> Table:
     rows = [
-        (float(np.linalg.norm(c.shifts[i])), c.program.files[target.file].path.name, target.line, target.name,
-         float(np.abs(c.q_after[i] - c.q_before[i]).max()))
+        (float(np.linalg.norm(c.shifts[i])), c.program.files[target.file].path.name,
+         _line(c.program, target.line), target.name, float(np.abs(c.q_after[i] - c.q_before[i]).max()))
         for c in corrections for i, target in enumerate(c.program.targets) if not np.isnan(c.shifts[i, 0])]
     rows.sort(key=lambda row: -row[0])
     cells = tuple((name, file, line, Quantity(size, "m"), Quantity(turn, "rad"))
@@ -161,7 +168,8 @@ def _bends(corrections: Sequence[Correction], most: int = 12) -> Table:
     rows = [(bend, c.program) for c in corrections for bend in c.bends]
     rows.sort(key=lambda row: -row[0].before)
     cells = tuple(
-        (program.targets[bend.target].name, program.files[0].path.name, bend.line, Quantity(bend.before, "m"),
+        (program.targets[bend.target].name, program.files[0].path.name, _line(program, bend.line),
+         Quantity(bend.before, "m"),
          bend.points, Quantity(bend.after, "m"))
         for bend, program in rows[:most])
     return Table(
@@ -173,7 +181,8 @@ def _bends(corrections: Sequence[Correction], most: int = 12) -> Table:
 
 
 def _left(corrections: Sequence[Correction], most: int = 20) -> Table:
-    rows = [(target.name, c.program.files[target.file].path.name, target.line, why) for c in corrections
+    rows = [(target.name, c.program.files[target.file].path.name, _line(c.program, target.line), why)
+            for c in corrections
             for target, why in zip(c.program.targets, c.why) if why]
     note = f"{len(rows) - most} more are in compensation.csv." if len(rows) > most else ""
     return Table("Left as they are", ("target", "file", "line", "why"), tuple(rows[:most]), note)

@@ -17,6 +17,7 @@ from exactarm.commands.call import (
     asked,
     command,
     data_of,
+    files_among,
     robot_of,
     table_option,
     threads_of,
@@ -108,7 +109,9 @@ def diagnose(robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, thread
         report=report_of(declared, results, rows.split_rule(), skipped),
         robot=known, tables={"residuals.csv": _residuals(first)},
         texts=_drafted([draft for result in results for draft in result.drafts]),
-        asked=asked("diagnose", robot, rows, seed, {"kind": kind, "sessions": sessions})).warned(warnings)
+        inputs=files_among(fixture, sessions),
+        asked=asked("diagnose", robot, rows, seed, {"kind": kind, "fixture": fixture, "sessions": sessions})
+    ).warned(warnings)
     last = first.selection.fits[-1]
     payloads = session_payloads(first.problem.data, last.layout, last.fit.interval())
     made = with_payload_section(made, payloads, "Estimated with what the model lacked.")

@@ -19,6 +19,7 @@ from exactarm.commands.call import (
     asked,
     command,
     data_of,
+    files_among,
     robot_of,
     table_option,
     threads_of,
@@ -107,8 +108,8 @@ def evaluate(robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, thread
               "warnings": list(result.warnings)},
         report=_report(declared, rows, result), tables={"residuals.csv": columns},
         asked=asked("evaluate", robot, rows, seed,
-                    {"sessions": sessions, "at": str(at) if isinstance(at, Path) else at}),
-        inputs=() if at is None else (at,)).warned(found)
+                    {"kind": kind, "fixture": fixture, "sessions": sessions, "at": at}),
+        inputs=files_among(fixture, sessions, at)).warned(found)
     if at is not None:
         progress.stage(AT_POSES)
         made = _certified(made, declared, rows, result, at, seed, threads_of(threads))

@@ -17,6 +17,7 @@ from exactarm.commands.call import (
     asked,
     command,
     data_of,
+    files_among,
     robot_of,
     table_option,
     threads_of,
@@ -81,7 +82,7 @@ def identify(robot: AnyRobot, data: AnyData, *, bandwidth_hz: float | None = Non
     """
     sessions = table_option(sessions, "sessions")
     given = {"bandwidth_hz": bandwidth_hz, "share": share, "friction_only": friction_only,
-             "sessions": sessions}
+             "kind": kind, "sessions": sessions}
     progress.plan(STEPS["identify"])
     progress.stage(READING)
     declared = robot_of(robot)
@@ -98,6 +99,7 @@ def identify(robot: AnyRobot, data: AnyData, *, bandwidth_hz: float | None = Non
         report=_report(declared, result, rows.split_rule(options.share)),
         robot=result.robot,
         tables={"residuals.csv": residual_table(result)},
+        inputs=files_among(sessions),
         asked=asked("identify", robot, rows, seed, given,
                     {"bandwidth_hz": None, "share": 0.7, "friction_only": False})).warned(found)
     return with_payload_section(made, result.payloads, "The links are those without it.")

@@ -63,6 +63,7 @@ def publish(result: Outcome, folder: OutputFolder, started: float, progress: Pro
             width: int | None = None) -> Published:
     """Writes everything, `result.json` last."""
     asked = result.asked or Asked("computed", "")
+    data = [source.entry for source in asked.files if source.rows is not None]
     asked = replace(asked, files=asked.files + sources(result.inputs, asked.files))
     made = datetime.now(UTC).isoformat(timespec="seconds")
     report = with_lines(result.report, result, asked, folder.path)
@@ -74,7 +75,7 @@ def publish(result: Outcome, folder: OutputFolder, started: float, progress: Pro
     for file, content in result.contents.items():
         folder.place(file).write_bytes(content)
     if result.robot is not None:
-        _write_robot(result.robot, asked, made, folder)
+        _write_robot(result.robot, asked, data, made, folder)
     drawings = draw(report.figures, folder.place, progress)
     folder.write_text("report.html", render_html(report, drawings))
     printed = _print(result.pdf, folder, progress)
@@ -128,8 +129,9 @@ def _details(asked: Asked, made: str) -> dict[str, str]:
     return told | {"seed": str(asked.seed), "versions": versions, "date": made}
 
 
-def _write_robot(robot: Robot, asked: Asked, made: str, folder: OutputFolder) -> None:
-    """The robot file, with a record of which command made it, from which data and when."""
+def _write_robot(robot: Robot, asked: Asked, data: list[dict[str, str]], made: str,
+                 folder: OutputFolder) -> None:
+    """The robot file, with a record of which command made it, from which measured data and when."""
     from exactarm.robot.urdf import read_urdf, write_urdf
     from exactarm.robot_file import read_robot, write_robot
 
@@ -138,7 +140,7 @@ def _write_robot(robot: Robot, asked: Asked, made: str, folder: OutputFolder) ->
             "date": made,
             "run": folder.run,
             "seed": asked.seed,
-            "data": [source.entry for source in asked.files if source.rows is not None]}
+            "data": data}
     earlier = {key: value for key, value in robot.record.items() if key in told or key == "previous"}
     own = {key: value for key, value in robot.record.items() if key not in earlier}
     record = own | told | ({"previous": earlier} if earlier else {})

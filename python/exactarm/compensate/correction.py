@@ -29,7 +29,7 @@ from exactarm.errors import InputError
 
 SAME_SIDE = 1e-3  # of a passage between two gear tables that differ by some 1e-4 rad
 SETTLED = 4  # passes in which a correction may change the direction from which an axis comes
-GUESSED = ("{} (line {}): nothing says on which branch of the arm it is; the one nearest to the middle of "
+GUESSED = ("{} ({}): nothing says on which branch of the arm it is; the one nearest to the middle of "
            "the joint limits is taken: --start J1,J2,... says it")
 _Numbers = tuple[np.ndarray | None, np.ndarray | None]  # of joint targets, of poses
 UNUSED = "not used by a motion of these files"
@@ -105,7 +105,8 @@ def correct(
     if tolerance is not None:
         found_bends = bends(program, model, resolved.poses, q_after, tolerance)
         found_bends += series_bends(program, model, resolved.q, q_after, tolerance)
-    warnings += [GUESSED.format(program.targets[i].name, program.targets[i].line) for i in resolved.guessed]
+    warnings += [GUESSED.format(program.targets[i].name, program.line_name(program.targets[i].line))
+                 for i in resolved.guessed]
     warnings += odd_middles(program, resolved.q, resolved.poses)
     warnings += _told(program, found_bends, tolerance, q_after)
     if not program.targets:
@@ -142,7 +143,7 @@ def _told(program: Program, found: list[Bend], tolerance: float | None, q_after:
     """Motions that no points in between keep on their line or path, and why."""
     if tolerance is None:
         return []
-    unknown = [f"{program.targets[motion.target].name} (line {motion.line})"
+    unknown = [f"{program.targets[motion.target].name} ({program.line_name(motion.line)})"
                for motion in unknown_tips(program, q_after)]
     followed = any(motion.time is not None and not program.targets[motion.target].is_pose
                    for motion in program.motions if motion.target is not None)
@@ -162,7 +163,8 @@ def _told(program: Program, found: list[Bend], tolerance: float | None, q_after:
 
 
 def _named(program: Program, found: list[Bend]) -> str:
-    return listed([f"{program.targets[bend.target].name} (line {bend.line}, {1e3 * bend.after:.3f} mm)"
+    return listed([f"{program.targets[bend.target].name} ({program.line_name(bend.line)}, "
+                   f"{1e3 * bend.after:.3f} mm)"
                     for bend in found])
 
 

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from exactarm.compensate.flange_poses import Poses
-from exactarm.errors import InputError
+from exactarm.errors import InputError, line_name
 from exactarm.files.file_bytes import file_bytes
 from exactarm.files.memory_table import MemoryTable
 from exactarm.robot.robot import Placement
@@ -186,6 +186,10 @@ class Program:
     def visits(self) -> list[int]:
         """Targets (index) in the order in which the arm comes to them."""
         return [i for motion in self.motions for i in (motion.via, motion.target) if i is not None]
+
+    def line_name(self, line: int) -> str:
+        """Of a line of its first file, where more than its number may be told."""
+        return line_name(self.files[0].path, line)
 
     def rewritten(self, edits: Iterable[Edit]) -> list[bytes]:
         """The content of each file with the edits."""
