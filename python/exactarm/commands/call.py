@@ -24,7 +24,7 @@ from exactarm.commands.outcome import Asked
 from exactarm.commands.plain import sha256
 from exactarm.commands.publish import sources
 from exactarm.data.columns import PAYLOAD
-from exactarm.data.dataset import Dataset, read_dataset
+from exactarm.data.dataset import ROBOT_SUFFIXES, Dataset, read_dataset
 from exactarm.data.fixture import Fixture, load_fixture
 from exactarm.data.rows import Source
 from exactarm.data.session_table import with_sessions
@@ -222,17 +222,26 @@ def path_word(path: Any) -> str:
     return variable_of(str(path)) or repr(str(path))
 
 
-def read(files: AnyTable | Sequence[AnyTable], robot: AnyRobot, *, kind: str | None = None,
+def read(files: AnyTable | Sequence[AnyTable] | AnyRobot,
+         robot: AnyRobot | AnyTable | Sequence[AnyTable], *, kind: str | None = None,
          fixture: AnyFixture = None, columns: Mapping[str, str] | None = None) -> Dataset:
     """Measured data of one or more CSV or Parquet files, or of tables in memory with the columns of such a
     file (a DataFrame, a mapping of names to arrays), in SI units. fixture: what is known of touched
-    contacts. columns: the files' names -> ours, as {"J1": "q_1_deg"}.
+    contacts. columns: the files' names -> ours, as {"J1": "q_1_deg"}. The robot may stand first, as in every
+    command: read(robot, files).
 
         >>> import exactarm as ea
-        >>> data = ea.read(ea.example("ur10/series_B"), "ur10")
+        >>> data = ea.read("ur10", ea.example("ur10/series_B"))
         >>> data.kind, data.position.shape
         ('poses', (1495, 3))
     """
-    if isinstance(files, Robot) or (isinstance(files, str) and files in shipped_robots()):
-        raise InputError("read takes the files first, then the robot: read(files, robot)")
-    return data_of(files, robot_of(robot), kind, fixture, columns=columns)
+    if _names_robot(files) and not _names_robot(robot):
+        files, robot = robot, files
+    return data_of(cast("AnyData", files), robot_of(cast("AnyRobot", robot)), kind, fixture, columns=columns)
+
+
+def _names_robot(given: Any) -> bool:
+    """Whether it is a robot, a shipped one's name or a robot file."""
+    return isinstance(given, Robot) or (isinstance(given, (str, Path)) and (
+        str(given) in shipped_robots()
+        or Path(str(given).partition("#")[0]).suffix.lower() in ROBOT_SUFFIXES))
