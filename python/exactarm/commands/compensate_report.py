@@ -11,6 +11,7 @@ from exactarm.compensate.correction import Correction
 from exactarm.compensate.frames import CellFrames
 from exactarm.compensate.law import CompensationModel
 from exactarm.compensate.program import Program
+from exactarm.errors import line_name
 from exactarm.identify.statistics import summarise
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import quantity, with_prefixes
@@ -149,7 +150,8 @@ def _figures(corrections: Sequence[Correction]) -> tuple[Figure, ...]:
 
 def _line(program: Program, line: int) -> int | str:
     """As a column `line` has it: a table in memory has none."""
-    return line if isinstance(program.files[0].path, Path) else program.line_name(line)
+    path = program.files[0].path
+    return line if isinstance(path, Path) else line_name(path, line)
 
 
 def _largest_rows(corrections: Sequence[Correction], most: int = 12) -> Table:

@@ -25,7 +25,7 @@ from exactarm.compensate.resolution import Resolved, flanges_of, joints_of, reso
 from exactarm.compensate.series import series_bends
 from exactarm.compensate.straightness import Bend, bends, unknown_tips
 from exactarm.compensate.ways import listed
-from exactarm.errors import InputError
+from exactarm.errors import InputError, line_name
 
 SAME_SIDE = 1e-3  # of a passage between two gear tables that differ by some 1e-4 rad
 SETTLED = 4  # passes in which a correction may change the direction from which an axis comes
@@ -105,8 +105,9 @@ def correct(
     if tolerance is not None:
         found_bends = bends(program, model, resolved.poses, q_after, tolerance)
         found_bends += series_bends(program, model, resolved.q, q_after, tolerance)
-    warnings += [GUESSED.format(program.targets[i].name, program.line_name(program.targets[i].line))
-                 for i in resolved.guessed]
+    guessed = [program.targets[i] for i in resolved.guessed]
+    warnings += [GUESSED.format(target.name, line_name(program.files[0].path, target.line))
+                 for target in guessed]
     warnings += odd_middles(program, resolved.q, resolved.poses)
     warnings += _told(program, found_bends, tolerance, q_after)
     if not program.targets:
@@ -143,7 +144,7 @@ def _told(program: Program, found: list[Bend], tolerance: float | None, q_after:
     """Motions that no points in between keep on their line or path, and why."""
     if tolerance is None:
         return []
-    unknown = [f"{program.targets[motion.target].name} ({program.line_name(motion.line)})"
+    unknown = [f"{program.targets[motion.target].name} ({line_name(program.files[0].path, motion.line)})"
                for motion in unknown_tips(program, q_after)]
     followed = any(motion.time is not None and not program.targets[motion.target].is_pose
                    for motion in program.motions if motion.target is not None)
@@ -163,7 +164,7 @@ def _told(program: Program, found: list[Bend], tolerance: float | None, q_after:
 
 
 def _named(program: Program, found: list[Bend]) -> str:
-    return listed([f"{program.targets[bend.target].name} ({program.line_name(bend.line)}, "
+    return listed([f"{program.targets[bend.target].name} ({line_name(program.files[0].path, bend.line)}, "
                    f"{1e3 * bend.after:.3f} mm)"
                     for bend in found])
 
