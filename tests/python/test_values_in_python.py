@@ -111,6 +111,7 @@ REFUSED = {
     "ur10: no such file": lambda data: ea.read("ur10", "ur10"),
     "use='poses'; expected one of 'auto', 'position', 'pose'":
         lambda data: ea.calibrate("ur10", data, use="poses"),
+    "joint 6; expected 0 to 5, the first axis is 0": lambda data: ea.load_robot("ur10").with_joint(6, a=0.1),
     "use='poses'; expected one of 'position', 'pose'": lambda data: ea.identifiable("ur10", use="poses"),
 }
 

@@ -83,7 +83,10 @@ def _shown(length: float | None) -> float | None:
 
 
 def _warnings(corrections: Sequence[Correction], frames: CellFrames, model: CompensationModel) -> list[str]:
-    found = [warning for correction in corrections for warning in correction.warnings] + list(frames.warnings)
+    names = [correction.program.files[0].path.name for correction in corrections]
+    found = [warning if len(names) == 1 or warning.startswith(name) else f"{name}: {warning}"
+             for name, correction in zip(names, corrections) for warning in correction.warnings]
+    found += frames.warnings
     if model.left_out:
         found.append(f"in the robot file, but no program can compensate it: {', '.join(model.left_out)}")
     refused = sum(len(correction.refused) for correction in corrections)

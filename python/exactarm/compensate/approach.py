@@ -17,6 +17,7 @@ from exactarm.compensate.flange_poses import Poses, pose_error, solved
 from exactarm.compensate.law import CompensationModel
 from exactarm.compensate.program import Motion, Program
 from exactarm.data.rows import LEAST_TURN_RAD
+from exactarm.errors import line_name
 from exactarm.numerics.rotation import turn
 
 SAME_PLACE = 1e-8  # m and rad: below the last digit of any program
@@ -42,8 +43,9 @@ class Sides:
         apart = self.parted(q[again], comes[other], sides[again])
         for index in dict.fromkeys(again[apart].tolist()):
             target = self.program.targets[index]
-            warnings.append(f"{target.name} (line {target.line}) is approached from different sides: the "
-                            "mean of both gear tables is taken there")
+            place = line_name(self.program.files[target.file].path, target.line)
+            warnings.append(f"{target.name} ({place}) is approached from different sides: the mean of both "
+                            "gear tables is taken there")
         for visit in other:
             index = self.visits[visit]
             sides[index] = np.where(sides[index] == comes[visit], sides[index], 0.0)

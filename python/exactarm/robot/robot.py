@@ -221,6 +221,8 @@ class Robot(Value):
 
     def with_joint(self, index: int, **changes: Any) -> Robot:
         """The same robot with fields of joint `index` (from 0) replaced."""
+        if not -self.axes <= index < self.axes:
+            raise InputError(f"joint {index}; expected 0 to {self.axes - 1}, the first axis is 0")
         joints = list(self.joints)
         joints[index] = replace(joints[index], **changes)
         return replace(self, joints=tuple(joints))
