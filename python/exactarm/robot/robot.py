@@ -281,7 +281,7 @@ class Robot(Value):
         position, rotation = at_reported_angles().forward(self, rows, of, seen_from)
         return Placement(rotation, position) if np.ndim(q) == 2 else Placement(rotation[0], position[0])
 
-    def ik(self, pose: Placement | ArrayLike, *, start: ArrayLike | None = None, of: Point = "flange",
+    def ik(self, pose: Placement | ArrayLike, start: ArrayLike | None = None, *, of: Point = "flange",
            seen_from: Frame = "base") -> np.ndarray:
         """(n,) controller's angles that put the real arm at the pose (a Placement or a 4 x 4 matrix).
 
