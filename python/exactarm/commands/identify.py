@@ -26,6 +26,7 @@ from exactarm.commands.error_sections import SETS, error_table, highlights, para
 from exactarm.commands.load_section import with_payload_section
 from exactarm.commands.memory import within_memory
 from exactarm.commands.next_steps import next_steps
+from exactarm.commands.outcome import recorded
 from exactarm.commands.output import PICTURES, ROBOT_FILES
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.steps import CHECKING, READING, STEPS
@@ -94,14 +95,15 @@ def identify(robot: AnyRobot, data: AnyData, *, bandwidth_hz: float | None = Non
     within_memory("identify", MOTION.name, rows)
     with suspicions(declared, rows) as found:
         result = identify_dynamics(declared, rows, options, progress.stage)
+    call = asked("identify", robot, rows, seed, given,
+                 {"bandwidth_hz": None, "share": 0.7, "friction_only": False})
     made = CommandResult(
         json=_json(result),
         report=_report(declared, result, rows.split_rule(options.share)),
-        robot=result.robot,
+        robot=recorded(result.robot, call),
         tables={"residuals.csv": residual_table(result)},
         inputs=files_among(sessions),
-        asked=asked("identify", robot, rows, seed, given,
-                    {"bandwidth_hz": None, "share": 0.7, "friction_only": False})).warned(found)
+        asked=call).warned(found)
     return with_payload_section(made, result.payloads, "The links are those without it.")
 
 
