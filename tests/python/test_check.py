@@ -10,7 +10,6 @@ import pytest
 import exactarm as ea
 from exactarm import cli
 from exactarm.data.dataset import write_dataset
-from exactarm.errors import InputError
 from exactarm.robot.writer import write_robot
 from exactarm.verify import change as change_module
 from exactarm.verify.change import Detector, Evidence, Hypothesis, detect, detectable
@@ -306,15 +305,6 @@ def test_rows_that_were_copied_from_another_day_are_told():
     told = [line for line in ea.check(arm, before, days)["warnings"] if "copied" in line]
     assert told == ["day 3: 3 of 5 rows are those of day 1 to the last digit: were they copied? They count "
                     "as measured"]
-
-
-def test_days_may_be_rows_of_one_file_but_each_row_is_taken_once():
-    """Chosen in Python; they were refused as the same file."""
-    data = ea.read("ur10", "ur10/series_B")
-    before, day = data.select(np.arange(60)), data.select(np.arange(60, 120))
-    assert ea.check("ur10", before, day)["days"][0]["day"] == "day 1"
-    with pytest.raises(InputError, match="the same content as .*; expected each file once"):
-        ea.check("ur10", before, data.select(np.arange(59, 120)))
 
 
 @pytest.mark.parametrize("digits", [3, 4, 5])
