@@ -4,6 +4,7 @@ import pytest
 
 import exactarm as ea
 from exactarm import cli
+from exactarm.commands.compensate_report import OWN
 from exactarm.errors import InputError
 from exactarm.robot_file import load_robot
 
@@ -79,3 +80,12 @@ def test_warnings_of_several_programs_name_their_file(tmp_path):
     assert [f"one.src: {left}" in told, f"two.src: {left}" in told] == [True, True]
     assert all(line.startswith(("one.src: ", "two.src: ")) for line in told)
     assert left in ea.compensate("ur10", files("one"), points="calculated").warnings
+
+
+def test_a_model_that_is_the_controllers_own_is_told(tmp_path):
+    """All targets were told to be corrected, by some 1e-6 nm."""
+    (tmp_path / "targets.csv").write_text(TARGETS)
+    told = ea.compensate("ur10", tmp_path / "targets.csv")
+    assert told.verdict == OWN and "nm" not in told.verdict
+    changed = load_robot("ur10").with_controller_frames.with_joint(1, a=-0.63)
+    assert "1 of 1 targets corrected" in ea.compensate(changed, tmp_path / "targets.csv").verdict

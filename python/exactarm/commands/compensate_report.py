@@ -19,6 +19,8 @@ from exactarm.report.plots.compensation import shift_per_target, shift_view
 from exactarm.report.plots.style import figure_of_panel
 from exactarm.robot.robot import Robot
 
+OWN = ("No target moves: the model is the controller's own. Expected the robot file of a calibration or "
+       "diagnosis.")
 FINEST_M = 1e-9  # the law ends at a tenth of it; what is left is rounding, not a distance
 
 
@@ -98,18 +100,21 @@ def _warnings(corrections: Sequence[Correction], frames: CellFrames, model: Comp
 def report_of(robot: Robot, corrections: Sequence[Correction], frames: CellFrames, model: CompensationModel,
               radius: np.ndarray | None) -> Report:
     sizes = _sizes(corrections)
+    moved = sizes.n and sizes.max >= FINEST_M
     count = sum(len(correction.program.targets) for correction in corrections)
     written = _shown(_largest([correction.reached for correction in corrections]))
     if not sizes.n:
         verdict, tone = (f"None of the {count} targets was corrected: their numbers are as they were.",
                          "caution")
+    elif not moved:
+        verdict, tone = OWN, "caution"
     else:
         verdict = (f"{sizes.n} of {count} targets corrected, by {quantity(sizes.mean, 'm')} on average and "
                    f"{quantity(sizes.max, 'm')} at most; "
                    f"on the identified model the written numbers meet them within {quantity(written, 'm')}.")
         tone = "good" if sizes.n == count else "caution"
-    sections = [Highlights((Highlight("mean correction", Quantity(sizes.mean if sizes.n else None, "m")),
-                            Highlight("largest correction", Quantity(sizes.max if sizes.n else None, "m")),
+    sections = [Highlights((Highlight("mean correction", Quantity(sizes.mean if moved else None, "m")),
+                            Highlight("largest correction", Quantity(sizes.max if moved else None, "m")),
                             Highlight("left over on the model, at most", Quantity(written, "m")),
                             *trust_highlights(radius))),
                 Text("Base and flange", (frames.choice,)), _programs(corrections), *_figures(corrections),
