@@ -89,3 +89,10 @@ def test_a_model_that_is_the_controllers_own_is_told(tmp_path):
     assert told.verdict == OWN and "nm" not in told.verdict
     changed = load_robot("ur10").with_controller_frames.with_joint(1, a=-0.63)
     assert "1 of 1 targets corrected" in ea.compensate(changed, tmp_path / "targets.csv").verdict
+
+
+def test_the_line_of_a_target_without_a_name_is_told_once(tmp_path):
+    (tmp_path / "p.script").write_text("def p():\n  movej([0, -1.5, 1.5, 0, 1.5, 0])\n"
+                                       "  movel(p[0.5, 0.1, 0.4, 0, 3.1, 0])\nend\n")
+    with pytest.raises(InputError, match="p.script, line 3: a pose that the controller"):
+        ea.compensate("ur10", tmp_path / "p.script", points="calculated")

@@ -76,7 +76,7 @@ def test_a_row_is_named_by_the_index_of_the_frame(index, told):
         ea.read(wrong, "ur10")
     joints = pd.DataFrame({name: values for name, values in COLUMNS.items() if name.startswith("q")}, index)
     far = joints.assign(q_2_deg=np.where(np.arange(ROWS) == 6, 400.0, 1.0))
-    with pytest.raises(InputError, match=f"{place}: row index {told}: .*limit"):
+    with pytest.raises(InputError, match=f"{place}: axis 2 .*limit"):
         ea.compensate("ur10", far)
     kept = ea.compensate("ur10", far, keep_refused=True)
     assert kept.to_dataframe("compensation.csv").query("name.str.contains('index')").shape[0] == ROWS

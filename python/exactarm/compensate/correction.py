@@ -131,8 +131,9 @@ def correct(
             why[i] = "not corrected: not among the calculated points"
         elif used[i] and i in refusals:
             why[i] = refusals[i]
-            place = program.files[target.file]
-            refused.append(InputError(f"{target.name}: {refusals[i]}", file=place.path, line=target.line))
+            path = program.files[target.file].path
+            name = "" if target.name == line_name(path, target.line) else f"{target.name}: "
+            refused.append(InputError(name + refusals[i], file=path, line=target.line))
     reached = _reached(written, numbers, program, model, resolved, sides, q_after, threads)
     shifts = model.controller.poses(np.nan_to_num(q_after)).position - resolved.poses.position
     shifts[np.isnan(q_after).any(axis=1)] = np.nan
