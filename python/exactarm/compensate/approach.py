@@ -71,8 +71,7 @@ class Approaches:
         self.model, self.motions, self.start = model, motions, start
         self.sense = np.sign(model.actual.ratios)
         self.timed = bool(motions) and all(motion.time is not None for motion in motions)
-        index = lambda motion: -1 if motion.target is None else motion.target
-        self.target = np.array([index(motion) for motion in motions], int)
+        self.target = np.array([-1 if motion.target is None else motion.target for motion in motions], int)
         self.given = np.array([motion.approach is not None for motion in motions], bool)
         self.before = np.concatenate([[-1], self.target])[:-1]
         self.known = (self.target >= 0) & (self.before >= 0) & ~self.given

@@ -78,7 +78,7 @@ def correct(
     resolved = resolve(program, model, start)
     used = np.zeros(len(program.targets), bool)
     used[program.visits] = True
-    why = ["" if u else UNUSED for u in used]
+    why = ["" if u else UNUSED for u in used.tolist()]
     rows = np.flatnonzero(used & chosen & ~np.isnan(resolved.q).any(axis=1))
     q_after = np.full_like(resolved.q, np.nan)
     ways = Sides(program, model, start)
@@ -125,12 +125,12 @@ def correct(
     elif inserted:
         counted = inserted if program.numbered is None else program.numbered(inserted)
         contents = program.rewritten(edits + counted)
+    for i in np.flatnonzero(~chosen).tolist():
+        why[i] = "not corrected: not among the calculated points"
     refused = []
-    for i, target in enumerate(program.targets):
-        if not chosen[i]:
-            why[i] = "not corrected: not among the calculated points"
-        elif used[i] and i in refusals:
-            why[i] = refusals[i]
+    for i in sorted(refusals):
+        if chosen[i] and used[i]:
+            target, why[i] = program.targets[i], refusals[i]
             path = program.files[target.file].path
             name = "" if target.name == line_name(path, target.line) else f"{target.name}: "
             refused.append(InputError(name + refusals[i], file=path, line=target.line))
