@@ -1,7 +1,8 @@
 """The two ways a command can fail: bad input (exit 2) and a failed computation (exit 1).
 
 Both carry one line that a person can act on. An `InputError` names the file, the row (1 = first
-data row) or line, the column and what was expected, as far as they are known.
+data row; of a table in memory, the label of its own index) or line, the column and what was expected, as far
+as they are known.
 """
 
 import re
@@ -22,8 +23,8 @@ class InputError(ValueError):
         message = message if len(message) <= LONGEST_MESSAGE else message[:LONGEST_MESSAGE - 3] + "..."
         self.message, self.file, self.row, self.line, self.column = message, file, row, line, column
         place = [str(file)] if file is not None else []
-        place += [f"row {row}"] if row is not None else []
-        place += [f"line {line}"] if line is not None else []
+        place += [row_name(file, row)] if row is not None else []
+        place += [line_name(file, line)] if line is not None else []
         place += [f"column {column[:LONGEST_NAME]}"] if column is not None else []
         super().__init__(": ".join([", ".join(place), message]) if place else message)
 
@@ -35,6 +36,16 @@ class InputError(ValueError):
         ):
             return self
         return InputError(self.message, file=file, row=self.row, line=self.line, column=self.column)
+
+
+def row_name(file: object, row: int) -> str:
+    """Of row `row`, from 1: of a table in memory by its own index."""
+    return file.row_name(row) if hasattr(file, "row_name") else f"row {row}"
+
+
+def line_name(file: object, line: int) -> str:
+    """Of line `line`, from 1; a table in memory has rows in place of the lines behind a header."""
+    return row_name(file, line - 1) if hasattr(file, "row_name") else f"line {line}"
 
 
 class ComputationError(RuntimeError):

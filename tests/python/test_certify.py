@@ -367,3 +367,16 @@ def test_a_file_that_was_never_calibrated_is_not_compared_with_itself():
     assert sum("before and after are one model" in warning for warning in result["warnings"]) == 1
     highlights = next(each for each in result.report.sections if isinstance(each, Highlights))
     assert all(item.before is None for item in highlights.items)
+
+
+def test_a_robot_of_python_knows_what_it_was_fitted_to():
+    """Its rows were told to have been never fitted: the record came with the robot file alone."""
+    data = ea.read("ur10", "ur10/series_B")
+    made = ea.calibrate("ur10", data, compliance=(), threads=1)
+    record = made.robot.record
+    assert record["command"] == "calibrate" and record["seed"] == 1 and "date" not in record
+    assert [entry["sha256"] for entry in record["data"]] == [source.sha256 for source in data.sources]
+    told = ea.certify(made.robot, data, threads=1)
+    assert told["rows"]["judged"] == np.sum(~data.split(1))
+    again = ea.calibrate(made.robot, data, compliance=(), seed=2, threads=1).robot.record
+    assert again["seed"] == 2 and again["previous"]["seed"] == 1

@@ -91,7 +91,9 @@ def test_numbers_keep_their_decimals_and_their_plus():
     ends = np.cumsum([len(text) + 1 for text in texts]) - 1
     places = np.column_stack([ends - [len(text) for text in texts], ends])
     values = np.array([2.344, -1.26, -0.0004, -0.0001, 6.7, -2e-4, 0.4, 151.2, 4.0])
-    written = SourceText(Path("p"), content).numbers(places, np.array([0, 0, 0, 0, 0, 0, 1, 0, 0]), values)
+    source = SourceText(Path("p"), content)
+    digits = np.maximum(source.decimals(places), [0, 0, 0, 0, 0, 0, 1, 0, 0])
+    written = source.numbers(places[:, 0], digits, values)
     assert written == [b"2.34", b"-1.3", b"0.000", b"+0.000", b"7", b"0.000", b"0.4", b"151", b"+4"]
 
 

@@ -4,6 +4,7 @@ import pytest
 
 import exactarm as ea
 from exactarm import cli
+from exactarm.commands.compensate_report import OWN
 from exactarm.errors import InputError
 from exactarm.robot_file import load_robot
 
@@ -58,3 +59,40 @@ def test_a_table_may_name_its_targets(tmp_path):
     assert result.json["correction"]["n"] == 1
     assert lines[0].startswith("Punkt;q_1_rad") and lines[1].startswith("P1;0.")
     assert lines[2] == "H\u00f6he;" + row.replace(",", ";")  # taught: right already
+
+
+def test_a_krl_program_without_its_data_list_is_told_which_file_is_missing(tmp_path):
+    (tmp_path / "Weld.src").write_text("DEF Weld()\nPTP XP1\nEND\n")
+    with pytest.raises(InputError, match="Weld.src, line 2: point XP1 is not in Weld.src; expected it in "
+                                         "the data list Weld.dat: give both files"):
+        ea.compensate("ur10", tmp_path / "Weld.src", points="calculated")
+
+
+def test_warnings_of_several_programs_name_their_file(tmp_path):
+    """They named point and line alone, and were the same for both."""
+    axes = "{A1 10,A2 -80,A3 90,A4 -20,A5 60,A6 0}"
+    for name in ("one", "two"):
+        (tmp_path / f"{name}.src").write_text(f"DEF {name}()\nPTP {axes}\n$X=XP1\nEND\n")
+        (tmp_path / f"{name}.dat").write_text(f"DEFDAT {name}\nDECL E6AXIS XP1={axes}\nENDDAT\n")
+    files = lambda *names: [tmp_path / f"{name}.{end}" for name in names for end in ("src", "dat")]
+    told = ea.compensate("ur10", files("one", "two"), points="calculated").warnings
+    left = "no motion that is read goes to XP1: they stay as they are"
+    assert [f"one.src: {left}" in told, f"two.src: {left}" in told] == [True, True]
+    assert all(line.startswith(("one.src: ", "two.src: ")) for line in told)
+    assert left in ea.compensate("ur10", files("one"), points="calculated").warnings
+
+
+def test_a_model_that_is_the_controllers_own_is_told(tmp_path):
+    """All targets were told to be corrected, by some 1e-6 nm."""
+    (tmp_path / "targets.csv").write_text(TARGETS)
+    told = ea.compensate("ur10", tmp_path / "targets.csv")
+    assert told.verdict == OWN and "nm" not in told.verdict
+    changed = load_robot("ur10").with_controller_frames.with_joint(1, a=-0.63)
+    assert "1 of 1 targets corrected" in ea.compensate(changed, tmp_path / "targets.csv").verdict
+
+
+def test_the_line_of_a_target_without_a_name_is_told_once(tmp_path):
+    (tmp_path / "p.script").write_text("def p():\n  movej([0, -1.5, 1.5, 0, 1.5, 0])\n"
+                                       "  movel(p[0.5, 0.1, 0.4, 0, 3.1, 0])\nend\n")
+    with pytest.raises(InputError, match="p.script, line 3: a pose that the controller"):
+        ea.compensate("ur10", tmp_path / "p.script", points="calculated")

@@ -131,3 +131,10 @@ def test_a_load_or_temperature_in_another_unit_is_no_covariate(name, expected):
     with pytest.raises(InputError) as told:
         parse_column(name, "poses.csv")
     assert str(told.value) == f"poses.csv, column {name}: {expected}"
+
+
+def test_a_table_in_the_code_page_of_windows_says_how_to_save_it(tmp_path):
+    path = tmp_path / "poses.csv"
+    path.write_bytes((PLAIN.replace("3\n", "3\u00e4\n")).encode("cp1252"))
+    with pytest.raises(InputError, match=r"poses.csv, row 1: is not UTF-8 text \(Excel: save as CSV UTF-8\)"):
+        read_table(path)

@@ -4,7 +4,9 @@ not taken for it."""
 import numpy as np
 import pytest
 
+import exactarm as ea
 from exactarm.chain.controller import forward
+from exactarm.errors import InputError
 from exactarm.numerics.rotation import exp
 from exactarm.robot_file import load_robot
 from exactarm.verify.day_mistakes import day_mistake
@@ -42,3 +44,12 @@ def test_what_may_have_happened_to_the_arm_is_none():
             seen = seen @ exp(random.normal(size=(1, 3)))[0].T + random.normal(size=3)
             words.append(day_mistake("Monday", expected, seen, MOST_M))
     assert [word for word in words if word] == []
+
+
+def test_days_may_be_rows_of_one_file_but_each_row_is_taken_once():
+    """Chosen in Python; they were refused as the same file."""
+    data = ea.read("ur10", "ur10/series_B")
+    before, day = data.select(np.arange(60)), data.select(np.arange(60, 120))
+    assert ea.check("ur10", before, day)["days"][0]["day"] == "day 1"
+    with pytest.raises(InputError, match="the same content as .*; expected each file once"):
+        ea.check("ur10", before, data.select(np.arange(59, 120)))

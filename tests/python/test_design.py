@@ -210,7 +210,8 @@ def test_design_is_repeatable_and_depends_on_the_seed():
 
 
 def test_too_few_poses_are_refused_with_the_number_needed():
-    with pytest.raises(InputError, match="30 numbers for 33 parameters, expected at least 11 poses"):
+    # as many as `calibrate` takes: it refused the 11 that were named here before
+    with pytest.raises(InputError, match="30 numbers for 33 parameters, expected at least 12 poses"):
         design_poses(racer_like(), DesignOptions(count=10))
 
 

@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import exactarm as ea
 from exactarm import cli
 from exactarm.chain import Layout
+from exactarm.commands.evaluate import FITTED
 from exactarm.data.dataset import Dataset, write_dataset
 from exactarm.effects.gear_harmonics import GearHarmonics
 from exactarm.effects.joint_compliance import JointCompliance
@@ -155,3 +157,14 @@ def test_a_curve_used_beyond_its_angles_is_told(arm, rng):
     assert "gear_harmonics of axis 2" in told and "30 of 60 rows" in told
     everywhere = replace(arm, effects=(replace(curve, seen=(-np.pi, np.pi)),))
     assert evaluate_poses(everywhere, data).warnings == ()
+
+
+def test_rows_that_the_robot_was_fitted_to_are_told():
+    """`evaluate` is for data that the robot has not seen; it said nothing of others."""
+    data = ea.read("ur10", "ur10/series_B")
+    made = ea.calibrate("ur10", data, compliance=(), threads=1).robot
+    told = [line for line in ea.evaluate(made, data, threads=1).warnings if "was fitted to" in line]
+    assert told == [FITTED.format("series_B.csv")]
+    assert not [line for line in ea.evaluate("ur10", data, threads=1).warnings if "was fitted to" in line]
+    new = ea.evaluate(made, ea.read("ur10", "ur10/series_C"), threads=1)
+    assert not [line for line in new.warnings if "was fitted to" in line]

@@ -188,7 +188,7 @@ def test_inverse_kinematics_of_a_calibrated_robot_returns_the_controllers_angles
         pose = result.robot.fk(q, of="target")
         np.testing.assert_allclose(result.robot.fk(result.robot.ik(pose, of="target"), of="target").matrix,
                                    pose.matrix, atol=2e-10)
-        np.testing.assert_allclose(result.robot.ik(pose.matrix, start=q + 0.05, of="target"), q, atol=1e-7)
+        np.testing.assert_allclose(result.robot.ik(pose.matrix, q + 0.05, of="target"), q, atol=1e-7)
 
 
 def test_the_jacobian_is_that_of_the_whole_chain():

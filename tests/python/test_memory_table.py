@@ -45,10 +45,12 @@ def test_a_command_says_what_it_read():
 
 
 REFUSED = {
-    "table 1 in memory, row 3, column x_mm: nan; expected a finite number":
+    "table 1 in memory, row index 2, column x_mm: nan; expected a finite number":
         {"x_mm": np.where(np.arange(ROWS) == 2, np.nan, 1.0)},
-    "table 1 in memory, row 2, column y_mm: 'wide'; expected a number": {"y_mm": [1.0, "wide"] + [2.0] * 38},
-    "table 1 in memory, row 1, column y_mm: empty cell; expected a number": {"y_mm": [None] + ["2.0"] * 39},
+    "table 1 in memory, row index 1, column y_mm: 'wide'; expected a number":
+        {"y_mm": [1.0, "wide"] + [2.0] * 38},
+    "table 1 in memory, row index 0, column y_mm: empty cell; expected a number":
+        {"y_mm": [None] + ["2.0"] * 39},
     "table 1 in memory, column z_mm: 3 rows; expected 40 as in column q_1_deg": {"z_mm": [1.0, 2.0, 3.0]},
     "table 1 in memory, column z_mm: is no row of cells": {"z_mm": np.zeros((ROWS, 2))},
     "table 1 in memory: name 7 is no text": {7: np.zeros(ROWS)},
@@ -59,6 +61,40 @@ REFUSED = {
 def test_is_refused_as_a_file_is(said):
     with pytest.raises(InputError, match=said):
         ea.read(COLUMNS | REFUSED[said], "ur10")
+
+
+NAMED = {"after every second": np.arange(ROWS) * 2 + 100, "by name": [f"p{k}" for k in range(ROWS)]}
+
+
+@pytest.mark.parametrize("index, told", [(None, "6"), *zip(NAMED.values(), ("112", "'p6'"))],
+                         ids=["none", *NAMED])
+def test_a_row_is_named_by_the_index_of_the_frame(index, told):
+    """As `frame.loc` finds it, wherever the row is refused."""
+    wrong = pd.DataFrame(COLUMNS | {"x_mm": np.where(np.arange(ROWS) == 6, np.nan, 1.0)}, index=index)
+    place = f"table 1 in memory, row index {told}"
+    with pytest.raises(InputError, match=f"{place}, column x_mm: nan"):
+        ea.read(wrong, "ur10")
+    joints = pd.DataFrame({name: values for name, values in COLUMNS.items() if name.startswith("q")}, index)
+    far = joints.assign(q_2_deg=np.where(np.arange(ROWS) == 6, 400.0, 1.0))
+    with pytest.raises(InputError, match=f"{place}: axis 2 .*limit"):
+        ea.compensate("ur10", far)
+    kept = ea.compensate("ur10", far, keep_refused=True)
+    assert kept.to_dataframe("compensation.csv").query("name.str.contains('index')").shape[0] == ROWS
+    assert f"row index {told}" in kept.summary() and "line 8" not in kept.summary()
+    log = joints.assign(name=["twice" if k in (2, 6) else f"n{k}" for k in range(ROWS)])
+    points = {"name": log.name.to_numpy()} | {f"{axis} [mm]": COLUMNS[f"{axis}_mm"] for axis in "xyz"}
+    with pytest.raises(InputError, match=f"table joints in memory, row index {told}, column name: 'twice' "):
+        ea.merge("ur10", log, {**points, "name": [f"n{k}" for k in range(ROWS)]})
+    with pytest.raises(InputError, match=f"table points in memory, row index {told}: point 'twice' is on "
+                                         "row index .* too"):
+        ea.merge("ur10", joints.assign(name=[f"n{k}" for k in range(ROWS)]), pd.DataFrame(points, index))
+
+
+def test_rows_of_a_file_keep_their_numbers(tmp_path):
+    pd.DataFrame(COLUMNS | {"x_mm": np.where(np.arange(ROWS) == 6, np.nan, 1.0)}).to_csv(
+        tmp_path / "poses.csv", na_rep="nan", index=False)
+    with pytest.raises(InputError, match="poses.csv, row 7, column x_mm"):
+        ea.read(tmp_path / "poses.csv", "ur10")
 
 
 def test_a_name_given_twice_is_refused():
@@ -171,7 +207,7 @@ def test_a_manifest_in_memory_is_run(tmp_path):
     made = ea.batch(pd.DataFrame(jobs), tmp_path / "memory")
     assert made["done"] == 2 and made.asked.line.startswith("exactarm.batch(table_manifest, ")
     assert ea.batch(tmp_path / "jobs.csv", tmp_path / "memory")["kept"] == 2
-    with pytest.raises(InputError, match="table manifest in memory, row 1, column command: 'calibrte'"):
+    with pytest.raises(InputError, match="table manifest in memory, row index 0, column command: 'calibrte'"):
         ea.batch({"command": ["calibrte"], "robot": ["ur10"]}, tmp_path / "wrong")
     with pytest.raises(InputError, match="manifest with int; expected a file, a table, or a mapping a row"):
         ea.batch([1], tmp_path / "wrong")

@@ -1,8 +1,14 @@
 """A table of sessions gives every row what holds for its set-up, and refuses what it cannot mean."""
 
+import hashlib
+import json
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+import exactarm as ea
+from exactarm.cli import main
 from exactarm.data.dataset import Dataset
 from exactarm.data.session_table import with_sessions
 from exactarm.errors import InputError
@@ -56,3 +62,40 @@ def test_grams_and_millimetres_of_a_payload_are_told():
     assert said(10.0, 0.08) == ""
     assert "payload_kg is up to 5000 kg, the arm itself weighs" in said(5000.0, 0.08)
     assert "80 m from the flange: is it in mm?" in said(10.0, 80.0)
+
+
+@pytest.fixture(scope="module")
+def two_set_ups():
+    """Poses of an arm in two set-ups, of which a table tells the payloads."""
+    poses = ea.simulate("ur10", count=60, counts=0, noise=1e-5, frames="declared").to_dataframe()
+    return poses.assign(session=1 + (np.arange(len(poses)) % 2)).drop(columns="set", errors="ignore")
+
+
+@pytest.mark.parametrize("command", ["calibrate", "evaluate"])
+def test_the_table_is_named_with_its_hash(command, two_set_ups, tmp_path):
+    """In the footer and in result.json; a robot file's `data` are the measured rows alone."""
+    path, text = tmp_path / "sessions.csv", "session,payload_kg\n1,0\n2,4\n"
+    path.write_text(text)
+    hashed = hashlib.sha256(text.encode()).hexdigest()
+    made = getattr(ea, command)("ur10", two_set_ups, sessions=path, threads=1)
+    assert f"sessions={str(path)!r}" in made.asked.line
+    made.save(tmp_path / "out")
+    inputs = json.loads((tmp_path / "out/result.json").read_text())["inputs"]
+    assert {"file": str(path), "sha256": hashed, "rows": 2} in inputs and len(inputs) == 2
+    assert hashed[:12] in (tmp_path / "out/report.html").read_text()
+    if made.robot is not None:
+        data = ea.load_robot(tmp_path / "out/robot.toml").record["data"]
+        assert [entry["file"] for entry in data] == ["table 1 in memory"]
+
+
+def test_the_command_line_names_table_and_fixture_with_their_hashes(two_set_ups, tmp_path):
+    two_set_ups.to_csv(tmp_path / "poses.csv", index=False)
+    (tmp_path / "sessions.csv").write_text("session,payload_kg\n1,0\n2,4\n")
+    (tmp_path / "fixture.toml").write_text('[[radii]]\ncontact = "sphere"\nnumber = 0\nradius_mm = 12.7\n')
+    words = ["--sessions", str(tmp_path / "sessions.csv"), "--fixture", str(tmp_path / "fixture.toml")]
+    words += ["--out", str(tmp_path / "out")]
+    assert main(["evaluate", "ur10", str(tmp_path / "poses.csv"), *words]) == 0
+    inputs = json.loads((tmp_path / "out/result.json").read_text())["inputs"]
+    assert {Path(each["file"]).name for each in inputs} == {"poses.csv", "sessions.csv", "fixture.toml"}
+    assert all(each["sha256"] == hashlib.sha256(Path(each["file"]).read_bytes()).hexdigest()
+               for each in inputs)

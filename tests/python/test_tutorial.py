@@ -3,6 +3,7 @@ comes out."""
 
 import json
 import re
+import runpy
 import shlex
 from pathlib import Path
 
@@ -11,6 +12,23 @@ import pytest
 from exactarm import cli
 
 DOCS = Path(__file__).parents[2] / "docs"
+SCRIPT = runpy.run_path(str(DOCS / "tutorial_script.py"))
+
+
+def command(line):
+    program, *words = shlex.split(line)
+    assert program == "exactarm"
+    assert cli.main([*words, "--quiet", "--threads", "1"]) == 0, line
+
+
+@pytest.mark.parametrize("page", SCRIPT["TUTORIALS"])
+def test_a_page_is_a_script_to_download(page):
+    text = (DOCS / f"{page}.md").read_text()
+    made = SCRIPT["script_of"](DOCS / f"{page}.md")
+    compile(made, page, "exec")
+    lines = re.findall(r"^\$ (.*)$", text, re.MULTILINE)
+    assert len(lines) >= 4 and [eval(line[4:-1]) for line in re.findall(r"^run\(.*\)$", made, re.M)] == lines
+    assert f"{{download}}`{page}.py <_scripts/{page}.py>`" in text
 
 
 @pytest.fixture
@@ -19,17 +37,9 @@ def result(tmp_path, monkeypatch):
 
     def run(page: str):
         monkeypatch.chdir(tmp_path)
-        names: dict = {}
-        blocks = re.findall(r"```(python|console)\n(.*?)```", (DOCS / page).read_text(), flags=re.DOTALL)
-        assert [kind for kind, _ in blocks].count("console") >= 4
-        for kind, block in blocks:
-            if kind == "python":
-                exec(compile(block, page, "exec"), names)
-                continue
-            for line in block.splitlines():
-                prompt, program, *words = shlex.split(line)
-                assert (prompt, program) == ("$", "exactarm")
-                assert cli.main([*words, "--quiet", "--threads", "1"]) == 0, line
+        body, lines = SCRIPT["body_of"]((DOCS / page).read_text()), []
+        exec(compile(body, page, "exec"), {"run": lambda line: lines.append(line) or command(line)})
+        assert len(lines) >= 4
         return lambda folder: json.loads((tmp_path / folder / "result.json").read_text())
 
     return run

@@ -108,10 +108,10 @@ REFUSED = {
         lambda data: ea.identifiable("ur10", pd.DataFrame({"q_1_rad": [0.0]})),
     "data given as int; expected files": lambda data: ea.calibrate("ur10", [1, 2]),
     "data given as Dataset; expected files": lambda data: ea.identifiable("ur10", data),
-    r"read takes the files first, then the robot: read\(files, robot\)":
-        lambda data: ea.read("ur10", ea.example("ur10/series_B")),
+    "ur10: no such file": lambda data: ea.read("ur10", "ur10"),
     "use='poses'; expected one of 'auto', 'position', 'pose'":
         lambda data: ea.calibrate("ur10", data, use="poses"),
+    "joint 6; expected 0 to 5, the first axis is 0": lambda data: ea.load_robot("ur10").with_joint(6, a=0.1),
     "use='poses'; expected one of 'position', 'pose'": lambda data: ea.identifiable("ur10", use="poses"),
 }
 
@@ -120,3 +120,14 @@ REFUSED = {
 def test_a_call_that_cannot_be_meant_is_refused_in_words(said, data):
     with pytest.raises(InputError, match=said):
         REFUSED[said](data)
+
+
+@pytest.mark.parametrize("robot", ["ur10", "file", "value"])
+def test_data_are_read_with_the_robot_first_too(robot, data, tmp_path):
+    """As in every command; callers that name the files first are not disturbed."""
+    arm = ea.load_robot("ur10")
+    ea.write_robot(tmp_path / "arm.toml", arm)
+    given = {"ur10": "ur10", "file": tmp_path / "arm.toml", "value": arm}[robot]
+    file = ea.example("ur10/series_B")
+    assert ea.read(given, file) == ea.read(file, given) == ea.read(files=file, robot=given) == data
+    assert ea.read(given, [pd.read_csv(file)]).position.shape == data.position.shape

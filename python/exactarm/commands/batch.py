@@ -240,7 +240,7 @@ def _rows(manifest: AnyManifest) -> tuple[list[Mapping[str, Any]], Path, Any]:
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise InputError("column given twice; expected once", file=path, column=twice or "(no name)")
-    return rows, path.parent, path
+    return rows, path.parent, manifest if isinstance(manifest, MemoryTable) else path
 
 
 def _job(row: Mapping[str, str], number: int, beside: Path, file: Any, seed: int) -> Job:

@@ -18,6 +18,7 @@ from exactarm.commands.call import (
     asked,
     command,
     data_of,
+    files_among,
     require_choice,
     robot_of,
     table_option,
@@ -27,6 +28,7 @@ from exactarm.commands.error_sections import error_figures, error_table, geometr
 from exactarm.commands.load_section import with_load_section, with_payload_section
 from exactarm.commands.memory import within_memory
 from exactarm.commands.next_steps import next_steps
+from exactarm.commands.outcome import recorded
 from exactarm.commands.output import PICTURES, ROBOT_FILES
 from exactarm.commands.result import WORSE, CommandResult, estimate
 from exactarm.commands.steps import CHECKING, READING, STEPS
@@ -88,7 +90,8 @@ def calibrate(robot: AnyRobot, data: AnyData, *, use: Literal["auto", "position"
     require_choice("use", use, ("auto", "position", "pose"))
     compliance = _axes(compliance) if isinstance(compliance, str) else compliance
     sessions = table_option(sessions, "sessions")
-    given = {"use": use, "compliance": compliance, "robust": robust, "sessions": sessions}
+    given = {"use": use, "compliance": compliance, "robust": robust, "kind": kind,
+             "fixture": fixture, "sessions": sessions}
     declared = robot_of(robot)
     progress.plan(STEPS["calibrate"])
     progress.stage(READING)
@@ -103,14 +106,15 @@ def calibrate(robot: AnyRobot, data: AnyData, *, use: Literal["auto", "position"
     rows, told = within_memory("calibrate", rows.kind, rows, progress)
     with suspicions(declared, rows) as found:
         result = CALIBRATORS[rows.kind](declared, rows, options, progress.stage)
+    call = asked("calibrate", robot, rows, seed, given, {"use": "auto", "compliance": None, "robust": None})
     made = CommandResult(
         json=_json(result),
         report=_report(declared, rows, result, rows.split_rule()),
-        robot=result.robot,
+        robot=recorded(result.robot, call),
         tables={"residuals.csv": residual_table(result.data, result.identification, result.error_before,
                                                 result.residual_after)},
-        asked=asked("calibrate", robot, rows, seed, given,
-                    {"use": "auto", "compliance": None, "robust": None})).warned([*told, *found])
+        inputs=files_among(fixture, sessions),
+        asked=call).warned([*told, *found])
     made = with_payload_section(made, result.payloads, "One stiffness for all sessions.")
     return with_load_section(made, declared, rows)
 

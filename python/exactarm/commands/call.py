@@ -25,7 +25,7 @@ from exactarm.commands.plain import sha256
 from exactarm.commands.publish import sources
 from exactarm.commands.result import CommandResult
 from exactarm.data.columns import PAYLOAD
-from exactarm.data.dataset import Dataset, read_dataset
+from exactarm.data.dataset import ROBOT_SUFFIXES, Dataset, read_dataset
 from exactarm.data.fixture import Fixture, load_fixture
 from exactarm.data.rows import Source
 from exactarm.data.session_table import with_sessions
@@ -103,6 +103,12 @@ def table_option(data: AnyTable | None, name: str) -> AnyFile | None:
     return MemoryTable.of(data, name) if is_memory_table(data) else cast("AnyFile | None", data)
 
 
+def files_among(*options: Any) -> tuple[AnyFile, ...]:
+    """Of what was read beside the data, the files and tables."""
+    return tuple(option for option in options if isinstance(option, MemoryTable)
+                 or (isinstance(option, (str, Path)) and os.path.isfile(option)))
+
+
 def files_of(data: Any, expected: str = "files") -> list[str | Path]:
     """Paths of one or more files."""
     files = listed(data)
@@ -158,7 +164,7 @@ def asked(command: str, robot: AnyRobot, data: Dataset | Sequence[AnyFile] | Non
     words = [path_word(source.path) for source in files] or (["data"] if isinstance(data, Dataset) else [])
     given = [words[0] if len(words) == 1 else f"[{', '.join(words)}]"] if words else []
     changed = {key: value for key, value in options.items() if repr(value) != repr((defaults or {}).get(key))}
-    keys = [f"{key}={value!r}" for key, value in (*changed.items(), ("seed", seed))]
+    keys = [f"{key}={_value_word(key, value)}" for key, value in (*changed.items(), ("seed", seed))]
     call = ", ".join([path_word(robot) if not isinstance(robot, Robot) else "robot", *given, *keys])
     return Asked(command, f"exactarm.{command}({call})", name, read, seed)
 
@@ -220,22 +226,36 @@ def _word_of(value: Any) -> str:
     return str(value)
 
 
+def _value_word(key: str, value: Any) -> str:
+    """An option as a call has it; a fixture, which is a value of many lines, by its name."""
+    return key if isinstance(value, Fixture) else repr(str(value) if isinstance(value, Path) else value)
+
+
 def path_word(path: Any) -> str:
     """As a call has it."""
     return variable_of(str(path)) or repr(str(path))
 
 
-def read(files: AnyTable | Sequence[AnyTable], robot: AnyRobot, *, kind: str | None = None,
+def read(files: AnyTable | Sequence[AnyTable] | AnyRobot,
+         robot: AnyRobot | AnyTable | Sequence[AnyTable], *, kind: str | None = None,
          fixture: AnyFixture = None, columns: Mapping[str, str] | None = None) -> Dataset:
     """Measured data of one or more CSV or Parquet files, or of tables in memory with the columns of such a
     file (a DataFrame, a mapping of names to arrays), in SI units. fixture: what is known of touched
-    contacts. columns: the files' names -> ours, as {"J1": "q_1_deg"}.
+    contacts. columns: the files' names -> ours, as {"J1": "q_1_deg"}. The robot may stand first, as in every
+    command: read(robot, files).
 
         >>> import exactarm as ea
-        >>> data = ea.read(ea.example("ur10/series_B"), "ur10")
+        >>> data = ea.read("ur10", ea.example("ur10/series_B"))
         >>> data.kind, data.position.shape
         ('poses', (1495, 3))
     """
-    if isinstance(files, Robot) or (isinstance(files, str) and files in shipped_robots()):
-        raise InputError("read takes the files first, then the robot: read(files, robot)")
-    return data_of(files, robot_of(robot), kind, fixture, columns=columns)
+    if _names_robot(files) and not _names_robot(robot):
+        files, robot = robot, files
+    return data_of(cast("AnyData", files), robot_of(cast("AnyRobot", robot)), kind, fixture, columns=columns)
+
+
+def _names_robot(given: Any) -> bool:
+    """Whether it is a robot, a shipped one's name or a robot file."""
+    return isinstance(given, Robot) or (isinstance(given, (str, Path)) and (
+        str(given) in shipped_robots()
+        or Path(str(given).partition("#")[0]).suffix.lower() in ROBOT_SUFFIXES))

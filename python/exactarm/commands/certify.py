@@ -20,6 +20,7 @@ from exactarm.commands.call import (
     asked,
     command,
     data_of,
+    files_among,
     listed,
     robot_of,
     table_option,
@@ -36,7 +37,6 @@ from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import TRACKED_MOTION
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
-from exactarm.files.memory_table import MemoryTable
 from exactarm.identify.statistics import summarise
 from exactarm.progress import SILENT, Progress
 from exactarm.robot.controller_frames import in_base
@@ -101,15 +101,13 @@ def certify(robot: AnyRobot, data: AnyData, *, before: AnyRobot | None = None, p
         progress.stage(JUDGING)
         certified = _certify(arm, earlier, rows, followed, told, seed, threads_of(threads))
     read = (about, before, *(source.path for each in followed for source in each.sources))
-    inputs: list[Any] = [file for file in read if isinstance(file, (str, Path)) and os.path.isfile(file)]
-    inputs += [each for each in paths if isinstance(each, MemoryTable)]
     shown = paths[0] if len(paths) == 1 else paths or None
     options = {"before": before, "path": shown, "about": about, **details}
     json = results_of(certified)
     json["robot_sha256"] = sha256(robot) if isinstance(robot, (str, Path)) and os.path.isfile(robot) else None
     return CommandResult(
         json=json, report=certificate(certified), tables={"residuals.csv": _table(certified)},
-        inputs=tuple(inputs), pdf=PDF,
+        inputs=files_among(*read, *paths), pdf=PDF,
         asked=asked("certify", robot, rows, seed, options, dict.fromkeys(options))).warned(found)
 
 

@@ -124,14 +124,17 @@ def _line(robot: Any, before: Any, files: Sequence[Any], days_per_year: float,
 
 
 def _require_new(before: Dataset, days: Sequence[tuple[str, Dataset]]) -> None:
-    """Every file once: a day that is counted twice would be evidence that nobody measured."""
-    seen: list[Source] = list(before.sources)
-    for _, data in days:
-        for source in data.sources:
-            if other := next((known for known in seen if known.sha256 == source.sha256), None):
+    """Every row of a file once: a day that is counted twice would be evidence that nobody measured."""
+    seen: list[tuple[Source, set[int]]] = []
+    for data in (before, *(data for _, data in days)):
+        own = [(source, set(data.row[data.file_index == k].tolist()))
+               for k, source in enumerate(data.sources)]
+        for source, rows in own:
+            same = [known for known, met in seen if known.sha256 == source.sha256 and met & rows]
+            if other := next(iter(same), None):
                 raise InputError(
                     f"the same content as {other.path}; expected each file once", file=source.path)
-            seen.append(source)
+        seen += own
 
 
 # -- what it says ----------------------------------------------------------------------------------------

@@ -19,6 +19,7 @@ from importlib.util import find_spec
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
+from exactarm.commands.call import files_among
 from exactarm.commands.result import CommandResult
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import TRACKED_MOTION
@@ -103,6 +104,7 @@ def run(arguments: argparse.Namespace, robot: Robot) -> CommandResult:
     columns |= {f"error_{p.method}_{p.engine}_m": p.error for p in played}
     return CommandResult(json=_json(path, played, deviation, silent),
                          report=_report(robot, path, played, silent), tables={"compare.csv": columns},
+                         inputs=files_among(arguments.compare),
                          texts={"truth.toml": robot_text(virtual.true)})
 
 

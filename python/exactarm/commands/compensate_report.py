@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
@@ -9,6 +10,8 @@ from exactarm.commands.model_trust import trust_highlights, trust_text
 from exactarm.compensate.correction import Correction
 from exactarm.compensate.frames import CellFrames
 from exactarm.compensate.law import CompensationModel
+from exactarm.compensate.program import Program
+from exactarm.errors import line_name
 from exactarm.identify.statistics import summarise
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import quantity, with_prefixes
@@ -16,6 +19,8 @@ from exactarm.report.plots.compensation import shift_per_target, shift_view
 from exactarm.report.plots.style import figure_of_panel
 from exactarm.robot.robot import Robot
 
+OWN = ("No target moves: the model is the controller's own. Expected the robot file of a calibration or "
+       "diagnosis.")
 FINEST_M = 1e-9  # the law ends at a tenth of it; what is left is rounding, not a distance
 
 
@@ -80,7 +85,10 @@ def _shown(length: float | None) -> float | None:
 
 
 def _warnings(corrections: Sequence[Correction], frames: CellFrames, model: CompensationModel) -> list[str]:
-    found = [warning for correction in corrections for warning in correction.warnings] + list(frames.warnings)
+    names = [correction.program.files[0].path.name for correction in corrections]
+    found = [warning if len(names) == 1 or warning.startswith(name) else f"{name}: {warning}"
+             for name, correction in zip(names, corrections) for warning in correction.warnings]
+    found += frames.warnings
     if model.left_out:
         found.append(f"in the robot file, but no program can compensate it: {', '.join(model.left_out)}")
     refused = sum(len(correction.refused) for correction in corrections)
@@ -92,18 +100,21 @@ def _warnings(corrections: Sequence[Correction], frames: CellFrames, model: Comp
 def report_of(robot: Robot, corrections: Sequence[Correction], frames: CellFrames, model: CompensationModel,
               radius: np.ndarray | None) -> Report:
     sizes = _sizes(corrections)
+    moved = sizes.n and sizes.max >= FINEST_M
     count = sum(len(correction.program.targets) for correction in corrections)
     written = _shown(_largest([correction.reached for correction in corrections]))
     if not sizes.n:
         verdict, tone = (f"None of the {count} targets was corrected: their numbers are as they were.",
                          "caution")
+    elif not moved:
+        verdict, tone = OWN, "caution"
     else:
         verdict = (f"{sizes.n} of {count} targets corrected, by {quantity(sizes.mean, 'm')} on average and "
                    f"{quantity(sizes.max, 'm')} at most; "
                    f"on the identified model the written numbers meet them within {quantity(written, 'm')}.")
         tone = "good" if sizes.n == count else "caution"
-    sections = [Highlights((Highlight("mean correction", Quantity(sizes.mean if sizes.n else None, "m")),
-                            Highlight("largest correction", Quantity(sizes.max if sizes.n else None, "m")),
+    sections = [Highlights((Highlight("mean correction", Quantity(sizes.mean if moved else None, "m")),
+                            Highlight("largest correction", Quantity(sizes.max if moved else None, "m")),
                             Highlight("left over on the model, at most", Quantity(written, "m")),
                             *trust_highlights(radius))),
                 Text("Base and flange", (frames.choice,)), _programs(corrections), *_figures(corrections),
@@ -145,10 +156,16 @@ def _figures(corrections: Sequence[Correction]) -> tuple[Figure, ...]:
             "size of the correction of each target"))
 
 
+def _line(program: Program, line: int) -> int | str:
+    """As a column `line` has it: a table in memory has none."""
+    path = program.files[0].path
+    return line if isinstance(path, Path) else line_name(path, line)
+
+
 def _largest_rows(corrections: Sequence[Correction], most: int = 12) -> Table:
     rows = [
-        (float(np.linalg.norm(c.shifts[i])), c.program.files[target.file].path.name, target.line, target.name,
-         float(np.abs(c.q_after[i] - c.q_before[i]).max()))
+        (float(np.linalg.norm(c.shifts[i])), c.program.files[target.file].path.name,
+         _line(c.program, target.line), target.name, float(np.abs(c.q_after[i] - c.q_before[i]).max()))
         for c in corrections for i, target in enumerate(c.program.targets) if not np.isnan(c.shifts[i, 0])]
     rows.sort(key=lambda row: -row[0])
     cells = tuple((name, file, line, Quantity(size, "m"), Quantity(turn, "rad"))
@@ -161,7 +178,8 @@ def _bends(corrections: Sequence[Correction], most: int = 12) -> Table:
     rows = [(bend, c.program) for c in corrections for bend in c.bends]
     rows.sort(key=lambda row: -row[0].before)
     cells = tuple(
-        (program.targets[bend.target].name, program.files[0].path.name, bend.line, Quantity(bend.before, "m"),
+        (program.targets[bend.target].name, program.files[0].path.name, _line(program, bend.line),
+         Quantity(bend.before, "m"),
          bend.points, Quantity(bend.after, "m"))
         for bend, program in rows[:most])
     return Table(
@@ -173,7 +191,8 @@ def _bends(corrections: Sequence[Correction], most: int = 12) -> Table:
 
 
 def _left(corrections: Sequence[Correction], most: int = 20) -> Table:
-    rows = [(target.name, c.program.files[target.file].path.name, target.line, why) for c in corrections
+    rows = [(target.name, c.program.files[target.file].path.name, _line(c.program, target.line), why)
+            for c in corrections
             for target, why in zip(c.program.targets, c.why) if why]
     note = f"{len(rows) - most} more are in compensation.csv." if len(rows) > most else ""
     return Table("Left as they are", ("target", "file", "line", "why"), tuple(rows[:most]), note)

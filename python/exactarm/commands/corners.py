@@ -16,6 +16,7 @@ from exactarm.commands.call import (
     AnyTable,
     asked,
     command,
+    files_among,
     fixture_of,
     path_word,
     robot_of,
@@ -89,13 +90,14 @@ def corners(robot: AnyRobot, joints: AnyTable, pictures: Sequence[str | Path], *
         contacts={"camera": np.zeros(sum(map(len, parts)), int)}, fixture=known,
         covariates={name: stack(lambda part, name=name: part.covariates[name]) for name in log.covariates})
     bare = tuple(Path(file).name for file, count in zip(files, seen) if count < LEAST)
-    options = {"fixture": str(fixture) if isinstance(fixture, (str, Path)) else fixture, "columns": columns}
+    options = {"fixture": fixture, "columns": columns}
     call = asked("corners", robot, None, seed, options, {"columns": None})
     line = call.line.replace(", ", f", {path_word(joints)}, {[str(file) for file in files]!r}, ", 1)
     return CommandResult(
         json={"file": FILE, "pictures": len(files), "without_board": list(bare), "corners": len(data),
               "warnings": list(_warnings(bare))},
         report=_report(arm.name, files, seen, bare), tables={FILE: dataset_columns(data, arm)}, data=data,
+        inputs=files_among(fixture),
         asked=replace(call, line=line, files=(*call.files, *sources((joints, *files)))))
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -19,6 +20,7 @@ from exactarm.commands.call import (
     asked,
     changed_options,
     command,
+    files_among,
     fixture_of,
     robot_of,
     threads_of,
@@ -218,12 +220,13 @@ def _views(arguments: argparse.Namespace) -> Views:
 
 def run(arguments: argparse.Namespace) -> CommandResult:
     if arguments.diagnosis is not None:
-        return designed_for(robot_of(arguments.robot), arguments.diagnosis, minutes_of(arguments.minutes),
+        made = designed_for(robot_of(arguments.robot), arguments.diagnosis, minutes_of(arguments.minutes),
                             arguments.program)
+        return replace(made, inputs=files_among(arguments.diagnosis))
     if arguments.minutes:
         raise InputError("--minutes acts with --for RESULT only")
     if arguments.contact is not None:
-        return _closures(arguments)
+        return replace(_closures(arguments), inputs=files_among(arguments.fixture))
     return _poses(arguments)
 
 

@@ -17,6 +17,7 @@ from exactarm.commands.call import (
     asked,
     command,
     data_of,
+    files_among,
     robot_of,
     table_option,
     threads_of,
@@ -26,6 +27,7 @@ from exactarm.commands.diagnose_report import report_of
 from exactarm.commands.effect_sections import rows_left_out
 from exactarm.commands.load_section import with_load_section, with_payload_section
 from exactarm.commands.memory import within_memory
+from exactarm.commands.outcome import recorded
 from exactarm.commands.output import PICTURES, ROBOT_FILES
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.steps import CHECKING, READING, STEPS, step_of, steps_of_kinds
@@ -103,12 +105,14 @@ def diagnose(robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, thread
     first = results[0]
     also: dict[str, Any] = {"also": [_json(other) for other in results[1:]]} if len(results) > 1 else {}
     also |= {"skipped": skipped} if skipped else {}
+    call = asked("diagnose", robot, rows, seed, {"kind": kind, "fixture": fixture, "sessions": sessions})
     made = CommandResult(
         json={"robot_name": declared.name} | _json(first) | also,
         report=report_of(declared, results, rows.split_rule(), skipped),
-        robot=known, tables={"residuals.csv": _residuals(first)},
+        robot=recorded(known, call), tables={"residuals.csv": _residuals(first)},
         texts=_drafted([draft for result in results for draft in result.drafts]),
-        asked=asked("diagnose", robot, rows, seed, {"kind": kind, "sessions": sessions})).warned(warnings)
+        inputs=files_among(fixture, sessions),
+        asked=call).warned(warnings)
     last = first.selection.fits[-1]
     payloads = session_payloads(first.problem.data, last.layout, last.fit.interval())
     made = with_payload_section(made, payloads, "Estimated with what the model lacked.")

@@ -19,6 +19,7 @@ from exactarm.commands.call import (
     asked,
     command,
     data_of,
+    files_among,
     robot_of,
     table_option,
     threads_of,
@@ -47,8 +48,11 @@ from exactarm.report.numbers import quantities, quantity
 from exactarm.report.plots.errors import error_histogram, error_per_pose
 from exactarm.report.plots.style import figure_of_panel
 from exactarm.robot.robot import Robot
+from exactarm.verify.held_out import fitted_files
 
 NAME = "evaluate"
+FITTED = ("the robot was fitted to rows of {}, says its record: their error is that of a fit; expected data "
+          "measured after it (of poses, `exactarm certify` judges the held-out rows alone)")
 HELP = "the error of a robot file, as it is, on data it has not seen"
 WRITES = (*PICTURES, "residuals.csv", FILE)
 
@@ -91,6 +95,8 @@ def evaluate(robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, thread
     with suspicions(declared, rows) as found:
         progress.stage(JUDGING)
         result = EVALUATORS[rows.kind](declared, rows, seed, threads_of(threads))
+    if fitted := fitted_files(declared, rows):
+        found = (*found, FITTED.format(", ".join(fitted)))
     rows = rows if result.data is None else result.data
     files = [source.path for source in rows.sources] or [""]
     columns: dict[str, Column] = {"file": [files[i] for i in rows.file_index], "row": rows.row,
@@ -107,8 +113,8 @@ def evaluate(robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, thread
               "warnings": list(result.warnings)},
         report=_report(declared, rows, result), tables={"residuals.csv": columns},
         asked=asked("evaluate", robot, rows, seed,
-                    {"sessions": sessions, "at": str(at) if isinstance(at, Path) else at}),
-        inputs=() if at is None else (at,)).warned(found)
+                    {"kind": kind, "fixture": fixture, "sessions": sessions, "at": at}),
+        inputs=files_among(fixture, sessions, at)).warned(found)
     if at is not None:
         progress.stage(AT_POSES)
         made = _certified(made, declared, rows, result, at, seed, threads_of(threads))

@@ -12,6 +12,7 @@ from exactarm.commands.arguments import add_files, add_robot
 from exactarm.commands.call import AnyData, AnyRobot, asked, command, data_of, robot_of, threads_of
 from exactarm.commands.gear_report import gear_report
 from exactarm.commands.memory import within_memory
+from exactarm.commands.outcome import recorded
 from exactarm.commands.output import PICTURES, ROBOT_FILES
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.steps import CHECKING, READING, STEPS
@@ -59,6 +60,7 @@ def gear(robot: AnyRobot, data: AnyData, *, method: str = METHODS[0], seed: int 
     with suspicions(declared, replace(rows, kind=GEAR_RUN.name, kinds=(GEAR_RUN.name,))) as found:
         result = identify_gears(declared, rows, method=method, seed=seed, threads=threads_of(threads),
                                 progress=progress)
+    call = asked("gear", robot, rows, seed, {"method": method}, {"method": METHODS[0]})
     return CommandResult(
         json={"gears": [gear_json(gear) for gear in result.gears],
               "method": result.method,
@@ -72,9 +74,9 @@ def gear(robot: AnyRobot, data: AnyData, *, method: str = METHODS[0], seed: int 
               "converged": result.converged,
               "warnings": list(result.warnings)},
         report=gear_report(declared, result, rows.split_rule()),
-        robot=result.robot,
+        robot=recorded(result.robot, call),
         tables={"residuals.csv": _residuals(rows, result)},
-        asked=asked("gear", robot, rows, seed, {"method": method}, {"method": METHODS[0]})).warned(found)
+        asked=call).warned(found)
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:

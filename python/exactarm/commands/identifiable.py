@@ -21,6 +21,7 @@ from exactarm.commands.call import (
     asked,
     changed_options,
     command,
+    files_among,
     fixture_of,
     robot_of,
     tables_of,
@@ -139,7 +140,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     touched = _touches(robot, arguments)
     if touched is not None:
         check, poses = _closures(robot, touched, noise, arguments)
-        return _result(robot, check, poses, noise)
+        return replace(_result(robot, check, poses, noise), inputs=files_among(arguments.fixture))
     poses = _poses(robot, arguments)
     check = check_model(
         poses.robot, poses.layout,

@@ -17,6 +17,7 @@ from exactarm.commands.call import (
     asked,
     command,
     data_of,
+    files_among,
     robot_of,
     table_option,
     threads_of,
@@ -25,6 +26,7 @@ from exactarm.commands.error_sections import SETS, error_table, highlights, para
 from exactarm.commands.load_section import with_payload_section
 from exactarm.commands.memory import within_memory
 from exactarm.commands.next_steps import next_steps
+from exactarm.commands.outcome import recorded
 from exactarm.commands.output import PICTURES, ROBOT_FILES
 from exactarm.commands.result import CommandResult, estimate
 from exactarm.commands.steps import CHECKING, READING, STEPS
@@ -81,7 +83,7 @@ def identify(robot: AnyRobot, data: AnyData, *, bandwidth_hz: float | None = Non
     """
     sessions = table_option(sessions, "sessions")
     given = {"bandwidth_hz": bandwidth_hz, "share": share, "friction_only": friction_only,
-             "sessions": sessions}
+             "kind": kind, "sessions": sessions}
     progress.plan(STEPS["identify"])
     progress.stage(READING)
     declared = robot_of(robot)
@@ -93,13 +95,15 @@ def identify(robot: AnyRobot, data: AnyData, *, bandwidth_hz: float | None = Non
     within_memory("identify", MOTION.name, rows)
     with suspicions(declared, rows) as found:
         result = identify_dynamics(declared, rows, options, progress.stage)
+    call = asked("identify", robot, rows, seed, given,
+                 {"bandwidth_hz": None, "share": 0.7, "friction_only": False})
     made = CommandResult(
         json=_json(result),
         report=_report(declared, result, rows.split_rule(options.share)),
-        robot=result.robot,
+        robot=recorded(result.robot, call),
         tables={"residuals.csv": residual_table(result)},
-        asked=asked("identify", robot, rows, seed, given,
-                    {"bandwidth_hz": None, "share": 0.7, "friction_only": False})).warned(found)
+        inputs=files_among(sessions),
+        asked=call).warned(found)
     return with_payload_section(made, result.payloads, "The links are those without it.")
 
 

@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 
 from exactarm.commands.arguments import add_robot
+from exactarm.commands.outcome import Asked, recorded
 from exactarm.commands.output import PICTURES, ROBOT_FILES
 from exactarm.commands.planning_arguments import noise_of
 from exactarm.commands.result import CommandResult
@@ -119,7 +120,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         arguments.progress.step(note=name)
     return CommandResult(
         json=_json(rounds, diagnosis), report=_report(robot, path, rounds, diagnosis, hidden),
-        robot=diagnosis.robot,
+        robot=recorded(diagnosis.robot, Asked(NAME, "", seed=arguments.seed)),
         tables={"tracking.csv": {f"error_{r.name.replace(' ', '_')}_m": r.error for r in rounds}},
         texts={"truth.toml": robot_text(virtual.true)})
 

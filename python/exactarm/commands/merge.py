@@ -21,7 +21,7 @@ from exactarm.data.kinds import POSES
 from exactarm.data.point_text import UNITS, Points, header_names, read_points
 from exactarm.data.rows import Source
 from exactarm.data.split import DEFAULT_SEED
-from exactarm.errors import InputError
+from exactarm.errors import InputError, line_name, row_name
 from exactarm.files.memory_table import AnyFile
 from exactarm.files.table import column_names, write_table
 from exactarm.first_aid.first_aid import first_aid
@@ -138,7 +138,7 @@ def _by_name(log: Dataset, text: Mapping[str, list[str]], found: Points, joints:
             other = places[key]
             apart = found.groups[other] != group
             raise InputError(
-                f"point {name!r} is on line {found.lines[other]} too"
+                f"point {name!r} is on {line_name(points, found.lines[other])} too"
                 + (f", in group {found.groups[other]}; expected --group, or a column `group` in {joints}"
                    if apart else "; expected each name once"),
                 file=points, line=int(found.lines[i]))
@@ -146,8 +146,9 @@ def _by_name(log: Dataset, text: Mapping[str, list[str]], found: Points, joints:
     seen: dict[tuple[str, str], int] = {}
     for row, key in enumerate(keys):
         if key in seen:
-            raise InputError(f"{key[1]!r} is in row {seen[key] + 1} too; expected each name once",
-                             file=joints, row=row + 1, column="name")
+            first = row_name(joints, seen[key] + 1)
+            raise InputError(f"{key[1]!r} is in {first} too; expected each name once", file=joints,
+                             row=row + 1, column="name")
         seen[key] = row
     rows = [row for row, key in enumerate(keys) if key in places]
     if not rows:

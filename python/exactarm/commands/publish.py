@@ -74,7 +74,7 @@ def publish(result: Outcome, folder: OutputFolder, started: float, progress: Pro
     for file, content in result.contents.items():
         folder.place(file).write_bytes(content)
     if result.robot is not None:
-        _write_robot(result.robot, asked, made, folder)
+        _write_robot(result.robot, made, folder)
     drawings = draw(report.figures, folder.place, progress)
     folder.write_text("report.html", render_html(report, drawings))
     printed = _print(result.pdf, folder, progress)
@@ -128,20 +128,12 @@ def _details(asked: Asked, made: str) -> dict[str, str]:
     return told | {"seed": str(asked.seed), "versions": versions, "date": made}
 
 
-def _write_robot(robot: Robot, asked: Asked, made: str, folder: OutputFolder) -> None:
-    """The robot file, with a record of which command made it, from which data and when."""
+def _write_robot(robot: Robot, made: str, folder: OutputFolder) -> None:
+    """The robot file; its record gets date and run."""
     from exactarm.robot.urdf import read_urdf, write_urdf
     from exactarm.robot_file import read_robot, write_robot
 
-    told = {"command": asked.command,
-            "exactarm": exactarm.__version__,
-            "date": made,
-            "run": folder.run,
-            "seed": asked.seed,
-            "data": [source.entry for source in asked.files if source.rows is not None]}
-    earlier = {key: value for key, value in robot.record.items() if key in told or key == "previous"}
-    own = {key: value for key, value in robot.record.items() if key not in earlier}
-    record = own | told | ({"previous": earlier} if earlier else {})
+    record = robot.record | {"date": made, "run": folder.run}
     write_robot(folder.place("robot.toml"), replace(robot, record=record))
     _require_readable(read_robot, folder.place("robot.toml"))
     if robot.has_geometry:

@@ -17,6 +17,7 @@ from exactarm.compensate.flange_poses import Poses, pose_error, solved
 from exactarm.compensate.law import CompensationModel
 from exactarm.compensate.program import Motion, Program
 from exactarm.data.rows import LEAST_TURN_RAD
+from exactarm.errors import line_name
 from exactarm.numerics.rotation import turn
 
 SAME_PLACE = 1e-8  # m and rad: below the last digit of any program
@@ -42,8 +43,9 @@ class Sides:
         apart = self.parted(q[again], comes[other], sides[again])
         for index in dict.fromkeys(again[apart].tolist()):
             target = self.program.targets[index]
-            warnings.append(f"{target.name} (line {target.line}) is approached from different sides: the "
-                            "mean of both gear tables is taken there")
+            place = line_name(self.program.files[target.file].path, target.line)
+            warnings.append(f"{target.name} ({place}) is approached from different sides: the mean of both "
+                            "gear tables is taken there")
         for visit in other:
             index = self.visits[visit]
             sides[index] = np.where(sides[index] == comes[visit], sides[index], 0.0)
@@ -69,8 +71,7 @@ class Approaches:
         self.model, self.motions, self.start = model, motions, start
         self.sense = np.sign(model.actual.ratios)
         self.timed = bool(motions) and all(motion.time is not None for motion in motions)
-        index = lambda motion: -1 if motion.target is None else motion.target
-        self.target = np.array([index(motion) for motion in motions], int)
+        self.target = np.array([-1 if motion.target is None else motion.target for motion in motions], int)
         self.given = np.array([motion.approach is not None for motion in motions], bool)
         self.before = np.concatenate([[-1], self.target])[:-1]
         self.known = (self.target >= 0) & (self.before >= 0) & ~self.given
@@ -79,7 +80,7 @@ class Approaches:
         over = [motions[i].via for i in self.rows.tolist()]
         self.over = np.array([end if via is None else via for via, end in zip(over, self.target[self.rows])],
                              int)
-        self.q = np.empty(0)
+        self.q, self.at = np.empty(0), Poses(np.empty(0), np.empty(0))  # of all targets
         self.arrival = np.zeros((len(self.rows), model.actual.axes))  # of the straight ones, for q
 
     def of(self, q: np.ndarray) -> np.ndarray:
@@ -99,23 +100,23 @@ class Approaches:
         lost = np.append(np.isnan(q).any(axis=1), True)  # place -1: no target
         blind = self.known & (lost[self.target] | lost[self.before])
         arrival[blind] = 0.0
-        return _kept(np.nan_to_num(arrival), self.motions, blind) * self.sense
+        return _kept(np.nan_to_num(arrival), self.given, blind | (self.target < 0)) * self.sense
 
     def straight(self, q: np.ndarray) -> None:
         """Brings `arrival` up to date."""
-        changed = np.ones(len(q), bool) if not self.q.size else np.any(q != self.q, axis=1)
+        chain = self.model.controller
+        if self.q.size:
+            changed = np.any(q != self.q, axis=1)
+            self.at.set(changed, chain.poses(q[changed]))
+        else:
+            changed, self.at = np.ones(len(q), bool), chain.poses(q)
         start, end = self.before[self.rows], self.target[self.rows]
         these = np.flatnonzero(changed[start] | changed[self.over] | changed[end])
         self.q = q
         if not these.size:
             return
         start, over, end = start[these], self.over[these], end[these]
-        chain = self.model.controller
-        there = chain.poses(q[end])
-        by = Poses(there.position.copy(), there.rotation)
-        if (circles := np.flatnonzero(over != end)).size:
-            by.position[circles] = chain.poses(q[over[circles]]).position
-        twist = _final_twist(chain.poses(q[start]), by, there)
+        twist = _final_twist(self.at.rows(start), self.at.rows(over), self.at.rows(end))
         with np.errstate(invalid="ignore"):
             self.arrival[these] = np.nan_to_num(solved(chain.jacobian(q[end]), twist), posinf=0.0, neginf=0.0)
 
@@ -139,11 +140,10 @@ def _final_twist(start: Poses, over: Poses, end: Poses) -> np.ndarray:
     return np.concatenate([tangent, turned], axis=1)
 
 
-def _kept(arrival: np.ndarray, motions: Sequence[Motion], blind: np.ndarray) -> np.ndarray:
-    """Signs, where an axis does not move those of the motion before; nothing is known behind an unknown
-    place, nor of motions (M,) that are blind."""
-    given = np.array([motion.approach is not None for motion in motions], bool)
-    anew = given | blind | np.array([motion.target is None for motion in motions], bool)
+def _kept(arrival: np.ndarray, given: np.ndarray, blind: np.ndarray) -> np.ndarray:
+    """Signs, where an axis does not move those of the motion before, if they are not given (M,); nothing is
+    known of motions (M,) that are blind, nor behind them."""
+    anew = given | blind
     signs = np.where(given[:, None] | (np.abs(arrival) > LEAST_TURN_RAD), np.sign(arrival), 0.0)
     told = np.where((signs != 0.0) | anew[:, None], np.arange(len(signs))[:, None], -1)
     last = np.maximum.accumulate(told, axis=0)  # motion that the sign of each axis comes from, -1: none

@@ -25,11 +25,11 @@ from exactarm.compensate.resolution import Resolved, flanges_of, joints_of, reso
 from exactarm.compensate.series import series_bends
 from exactarm.compensate.straightness import Bend, bends, unknown_tips
 from exactarm.compensate.ways import listed
-from exactarm.errors import InputError
+from exactarm.errors import InputError, line_name
 
 SAME_SIDE = 1e-3  # of a passage between two gear tables that differ by some 1e-4 rad
 SETTLED = 4  # passes in which a correction may change the direction from which an axis comes
-GUESSED = ("{} (line {}): nothing says on which branch of the arm it is; the one nearest to the middle of "
+GUESSED = ("{} ({}): nothing says on which branch of the arm it is; the one nearest to the middle of "
            "the joint limits is taken: --start J1,J2,... says it")
 _Numbers = tuple[np.ndarray | None, np.ndarray | None]  # of joint targets, of poses
 UNUSED = "not used by a motion of these files"
@@ -78,7 +78,7 @@ def correct(
     resolved = resolve(program, model, start)
     used = np.zeros(len(program.targets), bool)
     used[program.visits] = True
-    why = ["" if u else UNUSED for u in used]
+    why = ["" if u else UNUSED for u in used.tolist()]
     rows = np.flatnonzero(used & chosen & ~np.isnan(resolved.q).any(axis=1))
     q_after = np.full_like(resolved.q, np.nan)
     ways = Sides(program, model, start)
@@ -105,7 +105,9 @@ def correct(
     if tolerance is not None:
         found_bends = bends(program, model, resolved.poses, q_after, tolerance)
         found_bends += series_bends(program, model, resolved.q, q_after, tolerance)
-    warnings += [GUESSED.format(program.targets[i].name, program.targets[i].line) for i in resolved.guessed]
+    guessed = [program.targets[i] for i in resolved.guessed]
+    warnings += [GUESSED.format(target.name, line_name(program.files[0].path, target.line))
+                 for target in guessed]
     warnings += odd_middles(program, resolved.q, resolved.poses)
     warnings += _told(program, found_bends, tolerance, q_after)
     if not program.targets:
@@ -123,14 +125,15 @@ def correct(
     elif inserted:
         counted = inserted if program.numbered is None else program.numbered(inserted)
         contents = program.rewritten(edits + counted)
+    for i in np.flatnonzero(~chosen).tolist():
+        why[i] = "not corrected: not among the calculated points"
     refused = []
-    for i, target in enumerate(program.targets):
-        if not chosen[i]:
-            why[i] = "not corrected: not among the calculated points"
-        elif used[i] and i in refusals:
-            why[i] = refusals[i]
-            place = program.files[target.file]
-            refused.append(InputError(f"{target.name}: {refusals[i]}", file=place.path, line=target.line))
+    for i in sorted(refusals):
+        if chosen[i] and used[i]:
+            target, why[i] = program.targets[i], refusals[i]
+            path = program.files[target.file].path
+            name = "" if target.name == line_name(path, target.line) else f"{target.name}: "
+            refused.append(InputError(name + refusals[i], file=path, line=target.line))
     reached = _reached(written, numbers, program, model, resolved, sides, q_after, threads)
     shifts = model.controller.poses(np.nan_to_num(q_after)).position - resolved.poses.position
     shifts[np.isnan(q_after).any(axis=1)] = np.nan
@@ -142,7 +145,7 @@ def _told(program: Program, found: list[Bend], tolerance: float | None, q_after:
     """Motions that no points in between keep on their line or path, and why."""
     if tolerance is None:
         return []
-    unknown = [f"{program.targets[motion.target].name} (line {motion.line})"
+    unknown = [f"{program.targets[motion.target].name} ({line_name(program.files[0].path, motion.line)})"
                for motion in unknown_tips(program, q_after)]
     followed = any(motion.time is not None and not program.targets[motion.target].is_pose
                    for motion in program.motions if motion.target is not None)
@@ -162,7 +165,8 @@ def _told(program: Program, found: list[Bend], tolerance: float | None, q_after:
 
 
 def _named(program: Program, found: list[Bend]) -> str:
-    return listed([f"{program.targets[bend.target].name} (line {bend.line}, {1e3 * bend.after:.3f} mm)"
+    return listed([f"{program.targets[bend.target].name} ({line_name(program.files[0].path, bend.line)}, "
+                   f"{1e3 * bend.after:.3f} mm)"
                     for bend in found])
 
 

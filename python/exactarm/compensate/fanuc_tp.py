@@ -14,7 +14,6 @@ sets, UFRAME_NUM and UTOOL_NUM other than those of a position, PAYLOAD without -
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -25,6 +24,7 @@ from exactarm.compensate.flange_poses import Poses
 from exactarm.compensate.program import (
     HERE,
     NUMBER,
+    THREES,
     Motion,
     Notation,
     Number,
@@ -32,7 +32,6 @@ from exactarm.compensate.program import (
     Program,
     SourceText,
     Target,
-    decimals,
 )
 from exactarm.compensate.setting import Setting
 from exactarm.errors import InputError
@@ -77,7 +76,9 @@ def placement(numbers) -> Placement:
 
 def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     (source,) = sources
-    text = source.without(r"(?m)^[ \t]*\d*[ \t]*:[ \t]*(?:!|--eg:)[^\r\n]*")
+    text = source.text
+    if "!" in text or "--eg:" in text:
+        text = source.without(r"(?m)^[ \t]*\d*[ \t]*:[ \t]*(?:!|--eg:)[^\r\n]*")
     if setting.robot.controller.coupling is None:
         raise InputError(
             "Fanuc may count J3 from the horizon or from link 2, and the file does not say; put it into the "
@@ -107,11 +108,12 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         targets.append(Target.unread(name, 0, source.line(place), why))
         return len(targets) - 1
 
-    def target(kind: str, word: str, place: int) -> int:
+    def target(kind: str, word: str, place: int) -> tuple[int, re.Match | None]:
+        """Its index, and where it stands, if that is in /POS."""
         i = whole_number(word.split(":")[0])
         if kind == "PR" or i is None:
-            return unread(f"{kind}[{word}]", place,
-                          "the target is in a register or computed; expected a position P[number]")
+            return unread(f"{kind}[{word}]", place, "the target is in a register or computed; expected a "
+                                                    "position P[number]"), None
         found = positions.get(i, [])
         if len(found) != 1:
             raise source.refuse(
@@ -120,7 +122,7 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
         if i not in index:
             targets.append(_target(source, i, found[0], setting, cells))
             index[i] = len(targets) - 1
-        return index[i]
+        return index[i], found[0]
 
     if match := _SET.search(text, start, end):
         raise source.refuse(match.start(), f"the program sets {match[0].rstrip(' =')}; expected frames and "
@@ -142,16 +144,15 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
                 active[match["which"]] = match["number"]
             continue
         if word := forbidden and _FORBIDDEN.search(match[4]):
-            end_of = f"{match[2]}[{match[3].strip()}]"
+            named = f"{match[2]}[{match[3].strip()}]"
             motions.append(Motion("joint", unread(
-                f"{end_of} {word[1]}", match.start(1),
-                f"{word[1]}: the motion does not end where {end_of} says; expected it without"),
+                f"{named} {word[1]}", match.start(1),
+                f"{word[1]}: the motion does not end where {named} says; expected it without"),
                 source.line(match.start(1))))
             above = match
             continue
-        first = target(match[2], match[3], match.start(1))
+        first, position = target(match[2], match[3], match.start(1))
         line = source.line(match.start(1))
-        position = positions.get(whole_number(match[3].split(":")[0]), [None])[0] if match[2] == "P" else None
         insert = None
         if match[1] == "L" and position and _same_branch(targets, motions, first):
             insert = partial(listing.before, match, above, position, targets[first])
@@ -165,7 +166,8 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
             second = re.compile(r"\s*:?\s*(P|PR)\[([^\]]*)\]([^;]*)").match(match[4])
             if second is None:
                 raise source.refuse(match.start(1), "a circle without its end; expected a second position")
-            motions.append(Motion("circular", target(second[1], second[2], match.start(1)), line, first))
+            end_of, _ = target(second[1], second[2], match.start(1))
+            motions.append(Motion("circular", end_of, line, first))
         else:
             motions.append(Motion("joint" if match[1] == "J" else "linear", first, line, insert=insert))
     left = [f"P[{found[0][1][:9]}]" for number, found in positions.items() if number not in index]
@@ -184,6 +186,7 @@ def _notation(setting: Setting) -> Notation:
         reported=lambda q: np.degrees(setting.reported(q)),
         poses=lambda numbers: Poses(1e-3 * numbers[:, :3], from_zyx(np.radians(numbers[:, 5:2:-1]))),
         shown=shown,
+        alike=((slice(None),), THREES),
     )
 
 
@@ -226,22 +229,20 @@ def _target(source: SourceText, number: int, match: re.Match, setting: Setting, 
     else:
         found, frames, config, is_pose = _fields(source, number, match, n)
     if not is_pose:
-        digits = (_decimals(source, found.places),) * n
         tool = cells.of("UT", frames[1])[0] if frames[1] else HERE  # of a straight motion to it
-        return Target(name, 0, line, *found, digits, tool=tool)
-    (base, why_base), (tool, why_tool) = cells.of("UF", frames[0]), cells.of("UT", frames[1])
-    digits = (_decimals(source, found.places[:3]),) * 3 + (_decimals(source, found.places[3:]),) * 3
+        return Target(name, 0, line, *found, (LEAST_DECIMALS,) * n, tool=tool)
+    base, tool, why = cells.both(*frames)
     return Target(
         name,
         0,
         line,
         *found,
-        digits,
+        (LEAST_DECIMALS,) * 6,
         is_pose=True,
         tool=tool,
         base=base,
         configuration=" ".join(config.split()),
-        refusal=" and ".join(filter(None, (why_base, why_tool))),
+        refusal=why,
     )
 
 
@@ -290,6 +291,14 @@ class _Cells:
     def __init__(self, setting: Setting):
         self.setting = setting
         self.known: dict[tuple[str, str], tuple[Placement, str]] = {}
+        self.pairs: dict[tuple[str, str], tuple[Placement, Placement, str]] = {}
+
+    def both(self, user: str, tool: str) -> tuple[Placement, Placement, str]:
+        """User frame and tool, and why they are not known."""
+        if (user, tool) not in self.pairs:
+            (base, why_base), (tip, why_tip) = self.of("UF", user), self.of("UT", tool)
+            self.pairs[user, tool] = base, tip, " and ".join(filter(None, (why_base, why_tip)))
+        return self.pairs[user, tool]
 
     def of(self, key: str, which: str) -> tuple[Placement, str]:
         """Of UF or UT; `HERE` where it is not known, and why."""
@@ -315,6 +324,3 @@ def _all(source: SourceText, match: re.Match, fields: dict[str, Number], wanted)
         )
     return Numbers.of([fields[key] for key in wanted]).checked(source)
 
-
-def _decimals(source: SourceText, places: Sequence[tuple[int, int]]) -> int:
-    return max(LEAST_DECIMALS, *[decimals(source.text[start:end]) for start, end in places])

@@ -22,7 +22,16 @@ import numpy as np
 from exactarm.compensate.angles import from_zyx, to_zyx
 from exactarm.compensate.flange_poses import Poses
 from exactarm.compensate.inform_points import SILENT, Places
-from exactarm.compensate.program import HERE, Motion, Notation, Numbers, Program, SourceText, Target, decimals
+from exactarm.compensate.program import (
+    HERE,
+    THREES,
+    Motion,
+    Notation,
+    Numbers,
+    Program,
+    SourceText,
+    Target,
+)
 from exactarm.compensate.setting import Setting
 from exactarm.errors import InputError
 from exactarm.robot.robot import Placement
@@ -79,6 +88,7 @@ def _notation(setting: Setting) -> Notation:
         reported=lambda q: np.round(setting.reported(q) * scale),
         poses=lambda numbers: Poses(1e-3 * numbers[:, :3], from_zyx(np.radians(numbers[:, 5:2:-1]))),
         shown=shown,
+        alike=((), THREES),
     )
 
 
@@ -216,17 +226,13 @@ class _Reader:
             )
         if len(numbers.values) != 6:
             raise source.refuse(place, f"{len(numbers.values)} numbers; expected X, Y, Z, Rx, Ry, Rz")
-        digits = [
-            max(LEAST_DECIMALS, *(decimals(source.text[start:end]) for start, end in part))
-            for part in (numbers.places[:3], numbers.places[3:])
-        ]
         tool, base, why = self.frames(state)
         return Target(
             name,
             0,
             source.line(place),
             *numbers.checked(source),
-            (digits[0],) * 3 + (digits[1],) * 3,
+            (LEAST_DECIMALS,) * 6,
             is_pose=True,
             tool=tool,
             base=base,

@@ -235,11 +235,11 @@ class Declarations:
             self.warnings.append(f"{word} stands in the controller and stays as it is")
             return None
         if not known:
-            raise source.refuse(
-                place,
-                f"point {word} is not in {' or '.join(s.path.name for s in self.sources)}; expected it in "
-                "the data list",
-            )
+            data = source.path.with_suffix(".dat").name
+            alone = f" {data}: give both files" if len(self.sources) == 1 else ""
+            raise source.refuse(place, f"point {word} is not in "
+                                       f"{' or '.join(s.path.name for s in self.sources)}; expected it in "
+                                       f"the data list{alone}")
         if len(known) > 1:
             lines = ", ".join(
                 f"{self.sources[f].path.name} line {self.sources[f].line(p)}" for f, p, _ in known

@@ -29,11 +29,10 @@ from exactarm.robot.robot import Placement
 
 NUMBER = r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?"
 _NUMBER = re.compile(rf"\s*({NUMBER})\s*")
+THREES = (slice(0, 3), slice(3, 6))  # place and orientation of a pose
 MOST_LISTED = 16  # numbers with commas between that are read at once
 MOST_SHOWN = 40  # letters of a formula, in a message
-LARGEST = (
-    1e6  # no program has a length in mm or an angle in degrees beyond it; 9E9 marks an axis that is not there
-)
+LARGEST = 1e6  # mm, deg: none in a program is beyond it; 9E9 marks an axis that is not there
 
 
 class Edit(NamedTuple):
@@ -119,6 +118,7 @@ class Notation:
     joints, reported  numbers -> joint angles, and back
     poses, shown      numbers -> poses; (poses, numbers before) -> numbers
     words   (targets, joint angles) -> edits of configurations that the new angles leave
+    alike   of joint targets, of poses: numbers that get as many decimals as the most exact of them has
     """
 
     joints: Callable[[np.ndarray], np.ndarray]
@@ -126,6 +126,7 @@ class Notation:
     poses: Callable[[np.ndarray], Poses] | None = None
     shown: Callable[[Poses, np.ndarray], np.ndarray] | None = None
     words: Callable[[Sequence[Target], np.ndarray], Iterable[Edit]] | None = None
+    alike: tuple[Sequence[slice], Sequence[slice]] = ((), ())
 
     def edits(self, sources: Sequence[SourceText], targets: Sequence[Target], q: np.ndarray,
               tips: Poses | None) -> tuple[list[Edit], tuple[np.ndarray | None, np.ndarray | None]]:
@@ -134,14 +135,14 @@ class Notation:
         posed = np.array([target.is_pose for target in targets], bool)
         edits: list[Edit] = []
         written: list[np.ndarray | None] = []
-        for rows in (np.flatnonzero(~posed), np.flatnonzero(posed)):
+        for rows, alike in zip((np.flatnonzero(~posed), np.flatnonzero(posed)), self.alike):
             these = [targets[row] for row in rows.tolist()]
             if not these or not these[0].places:
                 written.append(None)
             elif these[0].is_pose:
-                written.append(_write(sources, these, self.shown(tips, numbers_of(these)), edits))
+                written.append(_write(sources, these, self.shown(tips, numbers_of(these)), alike, edits))
             else:
-                written.append(_write(sources, these, self.reported(q[rows]), edits))
+                written.append(_write(sources, these, self.reported(q[rows]), alike, edits))
         if self.words is not None and len(targets):
             edits += self.words(targets, q)
         return edits, (written[0], written[1])
@@ -192,7 +193,7 @@ class Program:
         contents, all_edits = [], sorted(edits, key=itemgetter(1))
         for index, source in enumerate(self.files):
             own = all_edits if len(self.files) == 1 else [edit for edit in all_edits if edit[0] == index]
-            starts, ends, texts = (list(map(itemgetter(k), own)) for k in (1, 2, 3))
+            _, starts, ends, texts = zip(*own) if own else ((),) * 4
             if any(map(lt, starts[1:], ends)):
                 raise ValueError(f"edits of {source.path} overlap")
             kept = map(source.content.__getitem__, map(slice, [0, *ends], [*starts, None]))
@@ -203,7 +204,6 @@ class Program:
 @dataclass(frozen=True)
 class SourceText:
     """The bytes of a file and the same as text, one letter a byte."""
-
     path: Path | MemoryTable
     content: bytes
 
@@ -214,9 +214,8 @@ class SourceText:
         except FileNotFoundError:
             raise InputError("no such file; expected a robot program", file=path) from None
         except OSError as error:
-            raise InputError(
-                f"cannot be read ({error.strerror}); expected a robot program", file=path
-            ) from None
+            raise InputError(f"cannot be read ({error.strerror}); expected a robot program",
+                             file=path) from None
         source = SourceText(Path(path), content)
         if (place := content.find(b"\0")) >= 0:
             raise source.refuse(place, "a byte 0; expected text of one byte a letter (ASCII, Latin-1, UTF-8)")
@@ -238,21 +237,23 @@ class SourceText:
         letters = np.frombuffer(self.content, np.uint8)
         return np.flatnonzero(letters == ord(".")), np.flatnonzero((letters | 0x20) == ord("e"))
 
-    def numbers(self, places: np.ndarray, digits: np.ndarray, values: np.ndarray) -> list[bytes]:
-        """New ones (K,) for those at places (K, 2): with as many decimals as these have, at least `digits`;
-        with a plus where they have one."""
+    def decimals(self, places: np.ndarray) -> np.ndarray:
+        """How many the numbers at places (K, 2) have."""
         (dots, powers), (start, end) = self._marks, places.T
         each = np.append(dots, len(self.content))[np.searchsorted(dots, start)]
         each = np.maximum(end - each - 1, 0)
         for k in np.flatnonzero(np.searchsorted(powers, start) < np.searchsorted(powers, end)).tolist():
             each[k] = decimals(self.text[start[k] : end[k]])
-        each = np.maximum(each, digits)
+        return each
+
+    def numbers(self, starts: np.ndarray, digits: np.ndarray, values: np.ndarray) -> list[bytes]:
+        """New ones (K,) with so many decimals; with a plus where one stands at their place."""
         texts = np.empty(len(values), object)
-        for count in np.unique(each).tolist():
-            rows, form = np.flatnonzero(each == count), b"%%.%df" % count
+        for count in np.unique(digits).tolist():
+            rows, form = np.flatnonzero(digits == count), b"%%.%df" % count
             texts[rows] = [form % value for value in values[rows].tolist()]
-        plus = np.frombuffer(self.content, np.uint8)[start] == ord("+")
-        for k in np.flatnonzero(plus | (np.abs(values) < 10.0**-each)).tolist():
+        plus = np.frombuffer(self.content, np.uint8)[starts] == ord("+")
+        for k in np.flatnonzero(plus | (np.abs(values) < 10.0**-digits)).tolist():
             text = texts[k][1:] if texts[k][:1] == b"-" and float(texts[k]) == 0.0 else texts[k]
             texts[k] = b"+" + text if plus[k] and text[:1] != b"-" else text
         return texts.tolist()
@@ -287,7 +288,6 @@ class SourceText:
 
 class Number(NamedTuple):
     """A number in a text: its value and its place."""
-
     value: float
     start: int
     end: int
@@ -297,10 +297,8 @@ class Number(NamedTuple):
         """The number that `text`, at `start` of the source, is; anything else is refused."""
         match = _NUMBER.fullmatch(text)
         if match is None:
-            raise source.refuse(
-                start, f"found {text.strip()[:40]!r}; expected a number (computed targets cannot be "
-                       f"corrected)"
-            )
+            raise source.refuse(start, f"found {text.strip()[:40]!r}; expected a number (computed targets "
+                                       "cannot be corrected)")
         value = float(match[1])
         if not math.isfinite(value):
             raise source.refuse(start, f"found {match[1][:40]}; expected a finite number")
@@ -314,8 +312,9 @@ def numbers_of(targets: Sequence[Target]) -> np.ndarray:
 
 
 def _write(sources: Sequence[SourceText], targets: Sequence[Target], values: np.ndarray,
-           edits: list[Edit]) -> np.ndarray:
-    """The numbers (K, m) that stand in the files when `values` are written; puts their edits to `edits`."""
+           alike: Sequence[slice], edits: list[Edit]) -> np.ndarray:
+    """The numbers (K, m) that stand in the files when `values` are written, with the decimals that they have
+    and at least `digits` of their targets; puts their edits to `edits`."""
     count, written = values.shape[1], np.empty(values.shape)
     files = np.array([target.file for target in targets])
     for file in np.unique(files).tolist():
@@ -325,8 +324,13 @@ def _write(sources: Sequence[SourceText], targets: Sequence[Target], values: np.
         places = np.fromiter(flat, int).reshape(-1, 2)
         digits = np.fromiter(chain.from_iterable(target.digits for target in own), int)
         new = values[rows].ravel()
-        texts = sources[file].numbers(places, digits, new) if digits.size else [
-            b"%d" % value for value in new.tolist()]
+        if digits.size:
+            each = np.maximum(sources[file].decimals(places), digits).reshape(-1, count)
+            for part in alike:
+                each[:, part] = each[:, part].max(axis=1, keepdims=True)
+            texts = sources[file].numbers(places[:, 0], each.ravel(), new)
+        else:
+            texts = [b"%d" % value for value in new.tolist()]
         edits += map(_EDIT, zip(repeat(file), *places.T.tolist(), texts))
         written[rows] = np.fromiter(map(float, texts), float).reshape(-1, count)
     return written
@@ -345,7 +349,6 @@ def decimals(text: str) -> int:
 
 class Numbers(NamedTuple):
     """Those of one target: their values, and where each begins and ends in the file."""
-
     values: Sequence[float]
     places: Sequence[tuple[int, int]]
 

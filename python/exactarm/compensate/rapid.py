@@ -38,6 +38,7 @@ from exactarm.compensate.rapid_data import (
     REASONS,
     ROBTARGET,
     SENSED,
+    Given,
     Literal,
     tool_of,
 )
@@ -59,12 +60,12 @@ FRAME_NUMBERS = 7
 SPREAD = {"v", "wobj", "tload"}  # switches that hold for each part of a way; a time, a number does not
 FLY_BY = "z1"  # the zone at points in between: the arm does not stop there
 
-_ELSEWHERE = re.compile(r"\s*([A-Za-z]\w*)\s+(?:\\\w+\s*,\s*)?")  # before a literal; the whole of it
-_BRACKETS = re.compile(r"\[\s*\[")
 _MOVE = re.compile(  # letters first and the edge of the word behind them: so the search is quick
     r"([MmTtSsAa](?<!\w.)(?i:(?<=M)ove(?:L|J|C|AbsJ)|(?<=T)rigg[LJC]|(?<=S)earchL|(?<=A)rc[LC]))"
     r"(?i:(DO|Sync|AO|GO|Start|End)?)\b\s*(?![\w:=(])"
 )
+_ELSEWHERE = re.compile(  # a literal behind another word
+    rf";\s*(?!{_MOVE.pattern})(?P<word>[A-Za-z]\w*)\s+(?:\\\w+\s*,\s*)?\[\s*\[")
 _SILENT = re.compile(  # instructions that neither move the arm nor lead elsewhere
     r"(?i)[ \t]*(?:(?:Set(?:DO|AO|GO)?|Reset|Pulse[DG]O|InvertDO|Wait(?:Time|Until|[DAG][IO])|Conf[LJ]"
     r"|TP(?:Write|Erase)|SingArea|AccSet|VelSet|SpeedRefresh|Clk(?:Start|Stop|Reset)|Incr|Decr|Add|Clear)\b"
@@ -124,6 +125,8 @@ class _Reader(Frames):
         self.motions: list[Motion] = []
         self.used: dict[tuple[int, int], int] = {}
         self.warnings: list[str] = []
+        self.coupled = bool(setting.robot.controller.coupling)
+        self.cells: dict[tuple[str, str, int], tuple] = {}  # frames and load of a motion
         self.outside: dict[tuple[str, ...], bool] = {}  # external axes, the same in most: none in use
         self.nearest = {kind for index in range(len(sources)) for kind in self.unmonitored(index)}
         self.spans: list[list[tuple[int, int]]] = [
@@ -140,13 +143,10 @@ class _Reader(Frames):
             if self.setting.load is None:
                 raise source.refuse(match.start(), "GripLoad: a load besides that of the tool; expected "
                                                    "--payload with both together")
-        begin = 0
-        for match in _BRACKETS.finditer(text):
-            begin = max(begin, text.rfind(";", begin, match.start()) + 1)
-            word = _ELSEWHERE.fullmatch(text, begin, match.start())
-            if word and not _MOVE.match(text, word.start(1)):
-                self.warnings.append(f"{source.path.name} line {source.line(word.start(1))}: {word[1]} is "
-                                     "not read; a target in it stays as it is")
+        for match in _ELSEWHERE.finditer(";" + text):
+            line = source.line(match.start("word") - 1)
+            self.warnings.append(f"{source.path.name} line {line}: {match['word']} is not read; a target in "
+                                 "it stays as it is")
         manners: dict[tuple[str, str], tuple[str, int, str, str]] = {}
         before = None  # the statement of the motion above
         for match in _MOVE.finditer(text):
@@ -155,21 +155,21 @@ class _Reader(Frames):
                 raise source.refuse(match.start(), f"{match[1]} without its end; expected ;")
             self.spans[index].append((match.start(), end))
             whole = ROBTARGET.match(text, match.end(), end)  # most targets in brackets
-            switches, plain, tail = self.arguments(text, match.end(), end, whole)
+            switches, given, tail = self.arguments(text, match.end(), end, whole)
             key = match[0], tail
             if not tail or key not in manners:
-                manners[key] = self.manner(index, match, switches, plain)
+                manners[key] = self.manner(index, match, switches, given.all)
             kind, count, tool, wobj = manners[key]
             axes = kind == "joint" and match[1].lower() == "moveabsj"
             nearest = kind in self.nearest and any(motion.target is not None for motion in self.motions)
             found = None if whole is None else Literal(whole.start(), whole.end(), [], whole)
             via = None
-            goal = self.target(index, *plain[0], axes, tool, wobj, found, nearest)
+            goal = self.target(index, *given.first, axes, tool, wobj, found, nearest)
             if count == 2:
-                via, goal = goal, self.target(index, *plain[1], axes, tool, wobj, None, nearest)
+                via, goal = goal, self.target(index, *given.all[1], axes, tool, wobj, None, nearest)
             insert = None
             if kind == "linear" and switches.keys() <= SPREAD:
-                insert = partial(self.insertion, index, match, end, plain, before)
+                insert = partial(self.insertion, index, match, end, given, before)
             before = (match.start(), end + 1)
             self.motions.append(Motion(kind, goal, source.line(match.start()), via, insert=insert))
 
@@ -197,11 +197,11 @@ class _Reader(Frames):
         tool = tool_of(plain, count + 2 if match[2] and word.startswith("move") else -1)
         return kind, count, tool, switches.get("wobj", "wobj0")
 
-    def insertion(self, index: int, match: re.Match, end: int, plain: list[tuple[str, int]],
+    def insertion(self, index: int, match: re.Match, end: int, given: Given,
                   before: tuple[int, int] | None, points: list) -> Edit | None:
         """Points before a MoveL that has its line for itself and follows the motion above; flown by in a zone
         of 1 mm."""
-        source, text = self.sources[index], self.texts[index]
+        source, text, plain = self.sources[index], self.texts[index], given.all
         start = source.line_start(match.start())
         newline = re.search(r"\r\n|\n|\r", source.text)
         if (
@@ -300,21 +300,24 @@ class _Reader(Frames):
         numbers, places = self.robtarget(where[1], literal)
         if off := no_turn(numbers[3:7]):
             raise source.refuse(places[3][0], off)
-        tip, why, load = self.once(self.tool, tool, index, place)
-        base, why_base = self.once(self.work_object, wobj, index, place)
+        if (tool, wobj, index) not in self.cells:
+            tip, why, load = self.once(self.tool, tool, index, place)
+            base, why_base = self.once(self.work_object, wobj, index, place)
+            self.cells[tool, wobj, index] = tip, base, load, why or why_base
+        tip, base, load, why = self.cells[tool, wobj, index]
         monitored = self.setting.robot.axes == 6 and not nearest
         return Target(*where, numbers, places, DIGITS, is_pose=True, tool=tip, base=base, load=load,
                       matches=partial(self.fits, numbers[7:11]) if monitored else None,
-                      refusal=why or why_base or (FIXED if monitored and places[7] == NOWHERE else ""))
+                      refusal=why or (FIXED if monitored and places[7] == NOWHERE else ""))
 
     def robtarget(self, file: int, literal: Literal) -> Numbers:
         """Its numbers, but those of external axes, which must not be in use."""
         if literal.plain is not None:
             words = literal.plain.groups()
-            if words[11:] not in self.outside:
-                self.outside[words[11:]] = NOT_IN_USE.issuperset(map(float, words[11:]))
-            values = tuple(map(float, words[:11]))
-            if self.outside[words[11:]] and max(map(abs, values)) <= LARGEST:
+            outside, values = words[11:], tuple(map(float, words[:11]))
+            if outside not in self.outside:
+                self.outside[outside] = NOT_IN_USE.issuperset(map(float, outside))
+            if self.outside[outside] and -LARGEST <= min(values) and max(values) <= LARGEST:
                 return Numbers(values, literal.plain.regs[1:12])
         source = self.sources[file]
         numbers = Numbers.of([number for k in range(len(PARTS)) for number in self.part(file, literal, k)])
@@ -336,7 +339,8 @@ class _Reader(Frames):
 
     def fits(self, cf: Sequence[float], q: np.ndarray) -> bool:
         """Whether joint angles are of a configuration."""
-        angles, (first, fourth, sixth, wrist) = self.setting.reported(q).tolist(), map(int, cf)
+        angles = (self.setting.reported(q) if self.coupled else q).tolist()
+        first, fourth, sixth, wrist = map(int, cf)
         if not (in_quadrant(angles[0], first) and in_quadrant(angles[3], fourth)
                 and in_quadrant(angles[5], sixth)):
             return False

@@ -12,7 +12,6 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from exactarm.compensate.program import NUMBER, Number, SourceText
@@ -64,8 +63,21 @@ class Literal(NamedTuple):
         return [[(self.plain[k + 1], self.plain.start(k + 1)) for k in range(a, b)] for a, b in _LISTS]
 
 
-@dataclass(frozen=True)
-class Datum:
+class Given(NamedTuple):
+    """Arguments of a motion without a switch, with their places: the first one (None: none), and the others,
+    whose places count from `shift`."""
+
+    first: tuple[str, int] | None
+    others: list[tuple[str, int]]
+    shift: int
+
+    @property
+    def all(self) -> list[tuple[str, int]]:
+        others = [(value, place + self.shift) for value, place in self.others]
+        return others if self.first is None else [self.first, *others]
+
+
+class Datum(NamedTuple):
     kind: str
     literal: Literal | None  # None: computed, or an array
     file: int
@@ -119,9 +131,9 @@ class Declarations:
 
     def arguments(
         self, text: str, begin: int, end: int, whole: re.Match | None
-    ) -> tuple[Mapping[str, str], list[tuple[str, int]], str]:
-        """Switches (small letters) of a motion, its other arguments with their places, and what stands behind
-        the first one: the same in most motions, and taken apart once ("": not so here)."""
+    ) -> tuple[Mapping[str, str], Given, str]:
+        """Switches (small letters) of a motion, its other arguments, and what stands behind the first one:
+        the same in most motions, and taken apart once ("": not so here)."""
         comma = text.find(",", whole.end() if whole else begin, end)
         head = "" if comma < 0 else text[begin:comma]
         if head and (text[whole.end() : comma].isspace() or whole.end() == comma if whole
@@ -130,8 +142,9 @@ class Declarations:
             if tail not in self.tails:
                 self.tails[tail] = _sorted(arguments(tail, 0, len(tail), None))
             switches, others = self.tails[tail]
-            return switches, [(head, begin), *[(value, place + comma) for value, place in others]], tail
-        return *_sorted(arguments(text, begin, end, whole)), ""
+            return switches, Given((head, begin), others, comma), tail
+        switches, plain = _sorted(arguments(text, begin, end, whole))
+        return switches, Given(plain[0] if plain else None, plain[1:], 0), ""
 
     def _assign(self, name: str, index: int, place: int) -> None:
         self.assigned.setdefault(name.lower(), {}).setdefault(index, place)

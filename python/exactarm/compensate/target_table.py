@@ -29,7 +29,7 @@ from exactarm.compensate.flange_poses import Poses
 from exactarm.compensate.program import Motion, Notation, Program, SourceText, Target
 from exactarm.compensate.setting import Setting
 from exactarm.data.dataset import Dataset, read_named_targets
-from exactarm.errors import InputError
+from exactarm.errors import InputError, row_name
 from exactarm.files.csv_dialect import Dialect, dialect_of, header_start, split_header
 from exactarm.files.memory_table import AnyFile, MemoryTable
 from exactarm.files.whole_number import whole_number
@@ -68,11 +68,11 @@ def read(sources: tuple[SourceText, ...], setting: Setting) -> Program:
     told = ()
     if data.time is not None and not timed and approach is None:
         late = int(np.argmax(np.diff(data.time) <= 0.0)) + 2
-        told = (f"{source.path.name}: time_s does not rise at row {late}: the rows are taken as motions from "
-                "point to point, not as a time series",)
+        told = (f"{source.path.name}: time_s does not rise at {row_name(source.path, late)}: the rows are "
+                "taken as motions from point to point, not as a time series",)
     lines, rows, loads = (data.row + 1).tolist(), _Rows(source, setting), _loads(data)
     for i, line in enumerate(lines):
-        name = names[i] if names else f"row {line - 1}"
+        name = names[i] if names else row_name(source.path, line - 1)
         if poses is None:
             targets.append(Target(name, 0, line, q[i], load=loads[i]))
         else:

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_left, bisect_right
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from itertools import chain
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -168,12 +169,17 @@ def listed(words: list[str]) -> str:
     return ", ".join(words[:LISTED]) + (f" and {len(words) - LISTED} more" if len(words) > LISTED else "")
 
 
-def _elsewhere(text: str, names: Container[str], spans: Iterable[tuple[int, int]]) -> dict[str, int]:
+def _elsewhere(text: str, names: Collection[str], spans: Iterable[tuple[int, int]]) -> dict[str, int]:
     """Name in small letters -> the first place where it stands outside of `spans`."""
-    found, last = {}, 0
+    gaps, last = [], 0
     for start, end in (*sorted(spans), (len(text), len(text))) if names else ():
-        for word in _WORD.finditer(text, last, max(start, last)):
+        if start > last:
+            gaps.append((last, start))
+        last = max(last, _BEGUN.match(text, end).end())
+    found: dict[str, int] = {}
+    words = _WORD.findall("\n".join(text[start:end] for start, end in gaps))
+    if not set(map(str.lower, words)).isdisjoint(names):  # in most programs nothing is to be found
+        for word in chain.from_iterable(_WORD.finditer(text, *gap) for gap in gaps):
             if word[0].lower() in names:
                 found.setdefault(word[0].lower(), word.start())
-        last = max(last, _BEGUN.match(text, end).end())
     return found

@@ -55,7 +55,7 @@ from exactarm.robot.robot import Robot
 
 AnyFiles = AnyFile | Sequence[AnyFile]
 _EPOCH_S = 1e8  # three years: nobody measures so long
-_ROBOT_FILES = (".toml", ".urdf", ".xacro")
+ROBOT_SUFFIXES = (".toml", ".urdf", ".xacro")
 QUATERNION_NORM_TOLERANCE = 0.01  # three decimals per component pass, a wrong column does not
 
 
@@ -91,7 +91,7 @@ def read_dataset(paths: AnyFiles, robot: Robot,
     if not paths:
         raise InputError("no data file given; expected at least one CSV or Parquet file")
     for path in paths:
-        if Path(str(path)).suffix.lower() in _ROBOT_FILES:
+        if Path(str(path)).suffix.lower() in ROBOT_SUFFIXES:
             raise InputError("a robot file among the data; expected one robot and what was measured on it; "
                              "an arm that it touches is declared in the fixture file: [partner] robot, and "
                              "columns partner_q_i", file=str(path))

@@ -121,7 +121,7 @@ def header_names(path: AnyFile) -> list[str]:
 
 def _read(path: AnyFile) -> _Rows:
     if isinstance(path, MemoryTable):
-        return _Rows(path.texts, list(range(1, path.rows + 1)), path.names, [], Dialect(",", "."))
+        return _Rows(path.texts, list(range(2, path.rows + 2)), path.names, [], Dialect(",", "."))
     return _rows(path, _text(path))
 
 

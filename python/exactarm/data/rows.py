@@ -15,6 +15,7 @@ import numpy as np
 from exactarm.data.columns import PAYLOAD, PAYLOAD_CENTRE
 from exactarm.data.fixture import Fixture
 from exactarm.data.row_marks import RowMarks
+from exactarm.errors import row_name
 from exactarm.robot.robot import Placement
 from exactarm.value import Value
 
@@ -170,8 +171,8 @@ class Rows(Value):
 
     def place_of(self, index: int) -> str:
         """The row at `index`, as a message names it: its number in its file, and the file's name."""
-        name = f" of {Path(self.sources[self.file_index[index]].path).name}" if self.sources else ""
-        return f"row {self.row[index]}{name}"
+        path = self.sources[self.file_index[index]].path if self.sources else None
+        return row_name(path, self.row[index]) + (f" of {Path(path).name}" if path else "")
 
     @property
     def fingerprint(self) -> tuple[str, ...]:

@@ -165,10 +165,10 @@ def _indices(blocks: np.ndarray) -> Observability:
 
 def _require_enough(count: int, rows: int, identifiability: Identifiability) -> None:
     parameters = len(identifiability.identifiable)
-    if count * rows < parameters:
+    if count * rows <= parameters:  # as `calibrate` has it: what has no redundancy shows no error
         raise InputError(
             f"--count {count}: {count * rows} numbers for {parameters} parameters, expected at least "
-            f"{-(-parameters // rows)} poses")
+            f"{parameters // rows + 1} poses")
 
 
 def _regular_start(pool: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:

@@ -1,6 +1,6 @@
 """A table in memory in place of a file: a pandas DataFrame, what turns into one (polars, Arrow), or a
 mapping of names to arrays. `read_table` reads it as strictly as a file. str(table) is its label, repr(table)
-the variable that a call has in its place."""
+the variable that a call has in its place. Both names a refused row as `table.loc` finds it."""
 
 from __future__ import annotations
 
@@ -26,19 +26,35 @@ def is_memory_table(data: Any) -> bool:
                                          and (hasattr(data, "iloc") or hasattr(data, "to_pandas")))
 
 
+class Label(str):
+    """What a table in memory is called in place of a path; knows the index of its rows (None: 0, 1, ...)."""
+
+    __slots__ = ("index",)
+
+    def __new__(cls, text: str, index: Any = None) -> Label:
+        made = super().__new__(cls, text)
+        made.index = index
+        return made
+
+    def row_name(self, row: int) -> str:
+        """Of row `row`, from 1."""
+        label = row - 1 if self.index is None or not 0 < row <= len(self.index) else self.index[row - 1]
+        return f"row index {repr(label) if isinstance(label, str) else label}"
+
+
 @dataclass(frozen=True, eq=False)
 class MemoryTable:
     """Names (one each column, (N,) in `values`) as they were given."""
 
-    label: str
+    label: Label
     names: list[str]
     values: list[np.ndarray]
 
     @classmethod
     def of(cls, data: Any, which: int | str) -> MemoryTable:
         """which: its place among several, from 1, or the name of the argument."""
-        label = _LABEL.format(which)
         data = data.to_pandas() if hasattr(data, "to_pandas") else data
+        label = Label(_LABEL.format(which), getattr(data, "index", None))
         given = list(data) if isinstance(data, Mapping) else list(data.columns)
         columns = ([data[name] for name in given] if isinstance(data, Mapping)
                    else [data.iloc[:, i] for i in range(len(given))])
@@ -66,6 +82,10 @@ class MemoryTable:
     def name(self) -> str:
         """As a path has it."""
         return self.label
+
+    def row_name(self, row: int) -> str:
+        """Of row `row`, from 1, in its own index."""
+        return self.label.row_name(row)
 
     @property
     def parquet(self) -> bytes:

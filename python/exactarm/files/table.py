@@ -217,7 +217,7 @@ def _refuse_ragged(path: str | Path, body: pa.Buffer, names: list[str], dialect:
         content = bytes(body).decode()
     except UnicodeDecodeError as error:
         row = bytes(body)[: error.start].count(b"\n") + 1
-        raise InputError("is not UTF-8 text", file=path, row=row) from None
+        raise InputError("is not UTF-8 text (Excel: save as CSV UTF-8)", file=path, row=row) from None
     reader = csv.reader(io.StringIO(content, newline=""), delimiter=dialect.delimiter)
     rows, row = (cells for cells in reader if cells), 0
     try:

@@ -221,6 +221,8 @@ class Robot(Value):
 
     def with_joint(self, index: int, **changes: Any) -> Robot:
         """The same robot with fields of joint `index` (from 0) replaced."""
+        if not -self.axes <= index < self.axes:
+            raise InputError(f"joint {index}; expected 0 to {self.axes - 1}, the first axis is 0")
         joints = list(self.joints)
         joints[index] = replace(joints[index], **changes)
         return replace(self, joints=tuple(joints))
@@ -279,7 +281,7 @@ class Robot(Value):
         position, rotation = at_reported_angles().forward(self, rows, of, seen_from)
         return Placement(rotation, position) if np.ndim(q) == 2 else Placement(rotation[0], position[0])
 
-    def ik(self, pose: Placement | ArrayLike, *, start: ArrayLike | None = None, of: Point = "flange",
+    def ik(self, pose: Placement | ArrayLike, start: ArrayLike | None = None, *, of: Point = "flange",
            seen_from: Frame = "base") -> np.ndarray:
         """(n,) controller's angles that put the real arm at the pose (a Placement or a 4 x 4 matrix).
 

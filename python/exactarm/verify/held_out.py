@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -106,6 +107,14 @@ def fits_on_record(robot: Robot) -> Iterator[Mapping[str, Any]]:
         if isinstance(record.get("command"), str):
             yield record
         record = record.get("previous")
+
+
+def fitted_files(robot: Robot, data: Dataset) -> list[str]:
+    """Names of the files of which the robot was fitted to rows, by its record."""
+    known = np.zeros(len(data.sources), bool)
+    for record in fits_on_record(robot):
+        known |= data.shared_files([entry for entry in record.get("data", ()) if isinstance(entry, Mapping)])
+    return [Path(source.path).name for source, met in zip(data.sources, known) if met]
 
 
 def choose_rows(robots: tuple[Robot, ...], data: Dataset, seed: int = DEFAULT_SEED) -> Rows:
