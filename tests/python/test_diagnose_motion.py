@@ -86,6 +86,21 @@ def test_a_cable_that_pulls_by_the_angle_is_no_friction_and_no_spring(racer):
 
 
 @pytest.mark.slow
+def test_a_cause_that_only_the_fitted_rows_have_does_not_stand_beside_a_right_one(racer):
+    """Axis 5 rubs by 3 Nm more one way in the fitted rows, by nothing in the others; a rotor turns in all."""
+    fitted = np.arange(1200) < 840
+
+    def both(angle, rate, acceleration):
+        rub = 3.0 * fitted[:, None] * np.tanh(rate / 0.02) ** 2 * (np.arange(6) == 4)
+        return np.where(np.arange(6) == 2, 3.0, 0.0) * acceleration + rub
+
+    result = diagnose(racer, replace(motion(racer, both), identification=fitted))
+    sure = {(f.effect.name, f.effect.joint): f.probability for f in result.findings}
+    assert sure.pop(("rotor_inertia", 3)) > 0.99
+    assert sure and max(sure.values()) < 0.1 and result.verdict == UNEXPLAINED
+
+
+@pytest.mark.slow
 def test_masses_of_a_drawing_that_are_off_are_told_as_that(racer):
     """Every mass 3 % off at random, as castings are: no payload, no compensator, no rotor in their place."""
     random = np.random.default_rng(8)

@@ -5,7 +5,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from exactarm.diagnose.held_out_evidence import AGAINST, allowed, held_out_gains, log_density, with_held_out
+from exactarm.diagnose.held_out_evidence import (
+    AGAINST,
+    allowed,
+    carried_over,
+    held_out_gains,
+    log_density,
+    with_held_out,
+)
 from exactarm.diagnose.verdict import (
     EXPLAINED,
     NOTHING,
@@ -59,6 +66,15 @@ def test_no_probability_outlives_rows_that_speak_against_it():
     assert allowed(0.999, AGAINST + 0.01) == 0.999
     assert allowed(0.999, AGAINST - 0.01) < 0.05
     assert allowed(0.01, AGAINST - 0.01) == 0.01
+
+
+def test_a_cause_that_held_out_rows_do_not_show_does_not_stand():
+    assert carried_over(1.0, 1.0, 0.01) == 1.0 and carried_over(0.9, 0.8, 0.01) == 0.9
+    assert carried_over(1.0, 0.0, 0.01) < 0.05 and carried_over(1.0, -1.0, 0.01) < 0.001
+    assert carried_over(1.0, 0.25, 0.01) < 0.5 < carried_over(1.0, 0.5, 0.01)
+    # rows that cannot feel it say nothing
+    assert carried_over(0.99, 0.0, np.inf) == 0.99
+    assert carried_over(0.99, -3.0, 1e4) == pytest.approx(0.99, abs=1e-3)
 
 
 def test_held_out_rows_multiply_the_odds_against_no_cause():

@@ -30,24 +30,44 @@ def refitted(design, measured, priors):
     return np.linalg.lstsq(stacked, np.concatenate([measured, np.zeros(len(priors))]), rcond=None)[0]
 
 
-def test_the_share_is_that_of_a_fit_without_the_effect():
-    design, measured, fitted_rows, judged, priors = linear_model()
+def picture(model):
+    """(problem, fitted) of a linear model at its estimate, and what it leaves on the held-out rows."""
+    design, measured, fitted_rows, judged, priors = model
     values = refitted(design[fitted_rows], measured[fitted_rows], priors)
-    others = refitted(design[fitted_rows, 1:], measured[fitted_rows], priors[:, 1:])
     left = measured[judged] - design[judged] @ values
-    left_without = measured[judged] - design[judged, 1:] @ others
-    expected = 1.0 - np.sum(left**2) / np.sum(left_without**2)
-    parameters = [Plain(search=False)] * 121
+    whole = np.concatenate([design[fitted_rows], priors])
+    size = design.shape[1] - 1
     fitted = Plain(
-        sigma=np.ones(1), design=np.concatenate([design[fitted_rows], priors]), data_numbers=40,
-        residual=(measured[fitted_rows] - design[fitted_rows] @ values)[:, None], weight=np.ones(40),
-        layout=Plain(effects=("small", "curve"), slices=(slice(0, 1), slice(1, 121)), size=121, values=values,
-                     parameters=parameters))
+        sigma=np.ones(1), design=whole, data_numbers=len(measured[fitted_rows]),
+        residual=(measured[fitted_rows] - design[fitted_rows] @ values)[:, None],
+        weight=np.ones(len(measured[fitted_rows])), fit=Plain(covariance=np.linalg.inv(whole.T @ whole)),
+        layout=Plain(effects=("small", "curve"), slices=(slice(0, 1), slice(1, size + 1)), size=size + 1,
+                     values=values, parameters=[Plain(search=False)] * (size + 1)))
     problem = Plain(held_out_picture=lambda fitted: (left[:, None], design[judged, None, :]), held_out=left,
                     correlation_factor=lambda fitted: 0.5)
+    return problem, fitted, left
+
+
+def test_the_share_is_that_of_a_fit_without_the_effect():
+    design, measured, fitted_rows, judged, priors = model = linear_model()
+    others = refitted(design[fitted_rows, 1:], measured[fitted_rows], priors[:, 1:])
+    problem, fitted, left = picture(model)
+    left_without = measured[judged] - design[judged, 1:] @ others
+    expected = 1.0 - np.sum(left**2) / np.sum(left_without**2)
     small, _curve = own_shares(problem, fitted, 0)
     assert np.isclose(small.share, expected, atol=1e-6)
     freedom = freedom_of(np.abs(fitted.residual[:, 0]), 1)
     gain = 0.5 * (log_density(np.abs(left), 1, freedom) - log_density(np.abs(left_without), 1, freedom))
     assert small.gain == pytest.approx(gain, rel=1e-4) and gain > 1.0
     assert 0.0 < expected < 0.9
+
+
+@pytest.mark.parametrize("elsewhere, shown", [(1.0, 1.0), (0.0, 0.0), (0.5, 0.5)])
+def test_held_out_rows_show_as_much_of_an_effect_as_they_have(elsewhere, shown):
+    design, measured, fitted_rows, judged, priors = linear_model(rows=400, held=300)
+    both, others = (refitted(design[fitted_rows, k:], measured[fitted_rows], priors[:, k:]) for k in (0, 1))
+    measured[judged] = elsewhere * (design[judged] @ both) + RNG.normal(size=300)
+    measured[judged] += (1.0 - elsewhere) * (design[judged, 1:] @ others)
+    problem, fitted, _ = picture((design, measured, fitted_rows, judged, priors))
+    small, _curve = own_shares(problem, fitted, 0)
+    assert abs(small.shown - shown) < 3.0 * np.sqrt(small.variance) and 0.0 < small.variance < 0.2

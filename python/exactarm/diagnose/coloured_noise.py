@@ -24,7 +24,7 @@ from exactarm.diagnose.joint_fit import candidates_for
 from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import Candidate, linear_columns, log_evidence, scan
-from exactarm.noise.autocorrelation import autocorrelation
+from exactarm.noise.autocorrelation import autocorrelation, lags_within
 from exactarm.noise.drifting import DriftingNoise
 
 _LAG_S = 1.0
@@ -121,8 +121,7 @@ def _added(basis: np.ndarray, columns: np.ndarray) -> np.ndarray:
 
 
 def _share_of(noise: np.ndarray, runs: Sequence[np.ndarray], step: float) -> float:
-    shortest = min(len(run) for run in runs)
-    lags = int(np.clip(np.ceil(_LAG_S / step), 1, max(shortest // 4, 1)))
+    lags = lags_within(runs, _LAG_S, step)
     taper = 1.0 - np.arange(1, lags + 1) / (lags + 1)
     sums = [autocorrelation(noise[:, a], runs, lags)[1:] @ taper for a in range(noise.shape[1])]
     return float(np.mean([1.0 / max(1.0 + 2.0 * total, 1.0) for total in sums]))

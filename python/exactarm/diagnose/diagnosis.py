@@ -18,13 +18,19 @@ from exactarm.diagnose.contribution import Contribution, contributions
 from exactarm.diagnose.dossier import Dossier, dossier
 from exactarm.diagnose.draft import Draft, drafts_of
 from exactarm.diagnose.fitted import Fitted
-from exactarm.diagnose.held_out_evidence import AGAINST, allowed, held_out_gains, with_held_out
+from exactarm.diagnose.held_out_evidence import (
+    AGAINST,
+    allowed,
+    carried_over,
+    held_out_gains,
+    with_held_out,
+)
 from exactarm.diagnose.in_space import InSpace
 from exactarm.diagnose.joint_fit import refit
 from exactarm.diagnose.left_over import LeftOver, left_over
 from exactarm.diagnose.noise import NoiseFloor, noise_floor
 from exactarm.diagnose.not_noise import not_noise
-from exactarm.diagnose.own_share import own_shares
+from exactarm.diagnose.own_share import Own, own_shares
 from exactarm.diagnose.posterior import Causes, find_causes, selection_of, steps_win
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.problems import problem_for
@@ -169,7 +175,7 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     own = own_shares(problem, last, len(declared.effects))
     gains = held_out_gains(errors, problem.numbers_of_error, problem.correlation_factor(last))
     sure = [with_held_out(accepted.probability, causes.places[k].nothing, own[k].gain) if causes
-            else allowed(accepted.probability * accepted.share, gains[accepted.round])
+            else _by_held_out(accepted, gains[accepted.round], own[k] if own else None)
             for k, accepted in enumerate(selection.accepted)]
     findings = tuple(_finding(accepted, last, declared, place, errors, problem,
                               own[place].share if own else None, sure[place])
@@ -238,6 +244,14 @@ def _unconverged(selection: Selection) -> tuple[str, ...]:
     fits = {"of the declared model": selection.fits[0], "with the effects found": selection.fits[-1]}
     return tuple(f"the fit {name} did not converge: {fitted.fit.reason}" for name, fitted in fits.items()
                  if not fitted.fit.converged)
+
+
+def _by_held_out(accepted: Accepted, gain: float, own: Own | None) -> float:
+    """Probability of an effect found step by step; gain: of its round, own: of itself where that is known."""
+    probability = accepted.probability * accepted.share
+    if own is None:
+        return allowed(probability, gain)
+    return carried_over(allowed(probability, own.gain), own.shown, own.variance)
 
 
 def _median_error(residual: np.ndarray) -> float | None:

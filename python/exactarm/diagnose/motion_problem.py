@@ -206,6 +206,14 @@ class MotionProblem(ProblemInTime):
     def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
         return np.abs(self._residual(fitted, data)).ravel()
 
+    def held_out_picture(self, fitted: Fitted) -> tuple[np.ndarray, np.ndarray] | None:
+        if "validation" not in self._records:
+            return None
+        record = replace(self._records["validation"], dry=fitted.record.dry.elsewhere())
+        prediction = predict_motion(self.robot, fitted.layout, record, threads=self.threads)
+        rows = np.ix_(record.keep & record.inside & ~record.at_reversal, record.measured_axes)
+        return prediction.residual()[rows], prediction.jacobian[rows]
+
     def rms_by_axis(self, fitted: Fitted, data: Dataset) -> dict[int, float]:
         rms = np.sqrt(np.nanmean(self._residual(fitted, data) ** 2, axis=0))
         return {int(axis): float(value) for axis, value in zip(self.record.measured_axes, rms)}

@@ -4,7 +4,8 @@ others in the model.
     share = 1 - S / S_without;  without it, the other parameters are fitted anew (linear picture, with their
     priors: curves that the data hold in check only by them would run away on rows that were not fitted).
 
-Its gain is the log of the density of the held-out rows with it, less that without it (held_out_evidence.py).
+Its gain is the log of the density of the held-out rows with it, less that without it, and shown is how much
+of it they show (held_out_evidence.py), with the variance of that by the noise of both sets of rows.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from scipy import linalg
 
 from exactarm.diagnose.fitted import Fitted
-from exactarm.diagnose.held_out_evidence import freedom_of, log_density
+from exactarm.diagnose.held_out_evidence import freedom_of, log_density, spread_of
 from exactarm.diagnose.problem import Problem
 
 _RIDGE = 1e-10  # of a column's square sum: what the data cannot tell stays where it is
@@ -23,11 +24,13 @@ _RIDGE = 1e-10  # of a column's square sum: what the data cannot tell stays wher
 
 @dataclass(frozen=True)
 class Own:
-    """Of one effect: share of the held-out square sum, and what it gains there (nats; 0 where no row is held
-    out)."""
+    """Of one effect: share of the held-out square sum, what it gains there (nats; 0 where no row is held
+    out), how much of it is shown there, and the variance of that."""
 
     share: float
     gain: float
+    shown: float
+    variance: float
 
 
 def own_shares(problem: Problem, fitted: Fitted, first: int) -> tuple[Own, ...] | None:
@@ -59,5 +62,21 @@ def own_shares(problem: Problem, fitted: Fitted, first: int) -> tuple[Own, ...] 
         without = residual + jacobian @ step
         square, other = (float(np.sum(error(left) ** 2)) for left in (residual, without))
         gain = float(worth * (density(residual) - density(without)))
-        found.append(Own(1.0 - square / max(other, 1e-300), gain))
+        found.append(Own(1.0 - square / max(other, 1e-300), gain,
+                         *_shown(fitted, residual, jacobian, jacobian @ step, freedom, worth)))
     return tuple(found)
+
+
+def _shown(fitted: Fitted, residual: np.ndarray, jacobian: np.ndarray, change: np.ndarray, freedom: float,
+           worth: float) -> tuple[float, float]:
+    """How much of a change (K, m) that an effect makes the rows show that are left with residual (K, m), and
+    its variance."""
+    scale, numbers = fitted.sigma, residual.shape[1]
+    spread, weight = spread_of(np.linalg.norm(residual / scale, axis=1), numbers, freedom)
+    weighted = change * weight[:, None] / scale**2
+    square = float(np.sum(weighted * change))
+    if square <= 0.0 or worth <= 0.0:
+        return 1.0, np.inf
+    onto = np.einsum("nap,na->p", jacobian, weighted) / square
+    return (1.0 + float(np.sum(weighted * residual)) / square,
+            spread / (worth * square) + float(onto @ fitted.fit.covariance @ onto))

@@ -155,6 +155,14 @@ class TrackedProblem(ProblemInTime):
         error = np.linalg.norm(prediction.residual(), axis=1)
         return np.where(rows_kept(fitted.layout, prediction.view) & ~record.at_reversal, error, np.nan)
 
+    def held_out_picture(self, fitted: Fitted) -> tuple[np.ndarray, np.ndarray] | None:
+        if "validation" not in self._records:
+            return None
+        record = self._records["validation"]
+        prediction = predict_record(self.robot, fitted.layout, record, threads=self.threads)
+        rows = rows_kept(fitted.layout, prediction.view) & ~record.at_reversal
+        return prediction.residual()[rows], prediction.jacobian[rows, :3]
+
     def left_out(self) -> tuple[str, ...]:
         return self._left_out
 

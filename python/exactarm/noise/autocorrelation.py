@@ -45,8 +45,7 @@ def uncertainty(
     passed; prior (P,): standard deviations of Gaussian priors, inf = none.
     """
     rows, axes, size = jacobian.shape
-    shortest = min(len(run) for run in runs)
-    lags = int(np.clip(np.ceil(_LAG_S / step), 1, max(shortest // 4, 1)))
+    lags = lags_within(runs, _LAG_S, step)
     least = filtered_noise(lags)
     known = np.zeros((size, size)) if prior is None else np.diag(prior**-2.0)
     normal, score = known.copy(), known.copy()
@@ -79,10 +78,18 @@ def _convolved(columns: np.ndarray, kernel: np.ndarray) -> np.ndarray:
     return fft.irfft(product, length, axis=0)[len(kernel) // 2 :][: len(columns)]
 
 
+def lags_within(runs: Sequence[np.ndarray], span: float, step: float) -> int:
+    """Lags of samples `step` apart that reach over `span`, at most a quarter of the run that the middle row
+    lies in: a piece of few samples beside a gap says nothing of how long noise remembers."""
+    sizes = np.sort([len(run) for run in runs])
+    middle = int(sizes[np.searchsorted(np.cumsum(sizes), 0.5 * sizes.sum())])
+    return int(np.clip(np.ceil(span / step), 1, max(middle // 4, 1)))
+
+
 def autocorrelation(values: np.ndarray, runs, lags: int) -> np.ndarray:
     """(lags + 1,) of a zero-mean signal (N,), products taken within runs only."""
     total = np.zeros(lags + 1)
     for run in runs:
         x = values[run]
-        total += np.array([x[: x.size - k] @ x[k:] for k in range(lags + 1)])
+        total += np.array([x[: max(x.size - k, 0)] @ x[k:] for k in range(lags + 1)])
     return total / total[0] if total[0] > 0.0 else np.eye(1, lags + 1)[0]
