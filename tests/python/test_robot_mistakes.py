@@ -71,7 +71,7 @@ def test_every_command_with_a_robot_says_so_once(racer, tmp_path):
 @pytest.mark.parametrize("before, after, words", [
     ("alpha_rad = 1.57", "alpha_rad = 90", "alpha_rad: 90; expected a number of at most 12.6 rad"),
     ("alpha_rad = 1.57", "zero_rad = -180", "zero_rad: -180; expected a number of at most 12.6 rad"),
-    ("q_min_rad = -3.0", "q_min_rad = -165", "q_min_rad: -165; expected a number of at most 50 rad"),
+    ("q_min_rad = -3.0", "q_min_rad = -165", "q_min_rad: -165; expected a number of at most 81 rad"),
     ("q_dot_max_rad_s = 3.8", "q_dot_max_rad_s = 220", "220; expected a number above 0, at most 100 rad/s"),
     ("gravity_m_s2 = [0, 0, -9.81]", "gravity_m_s2 = [0, 0, -9810]", "9810 m/s²; expected about 9.81"),
     ("gravity_m_s2 = [0, 0, -9.81]", "gravity_m_s2 = [0, 0, -1]", "1 m/s²; expected about 9.81"),

@@ -25,11 +25,11 @@ POSITIVE: Rule = (lambda value: value > 0.0, "a number above 0")
 NOT_NEGATIVE: Rule = (lambda value: value >= 0.0, "a number of 0 or above")
 NOT_ZERO: Rule = (lambda value: value != 0.0, "a number other than 0")
 # Angles of a frame mean the same one turn further, limits of an axis end after a few turns (of the wrist of a
-# Fanuc seven), no joint turns a hundred times faster than a person: what is larger are degrees.
+# Fanuc seven, of a positioner a dozen), no joint turns a hundred times faster than a person: what is larger are degrees.
 FRAME_ANGLE: Rule = (lambda value: abs(value) <= 4.0 * math.pi,
                      "a number of at most 12.6 rad (or degrees, by a key with _deg)")
-ANGLE_LIMIT: Rule = (lambda value: abs(value) <= 16.0 * math.pi,
-                     "a number of at most 50 rad (or degrees, by a key with _deg; without a limit no key)")
+ANGLE_LIMIT: Rule = (lambda value: abs(value) <= 26.0 * math.pi,
+                     "a number of at most 81 rad (or degrees, by a key with _deg; without a limit no key)")
 RATE_LIMIT: Rule = (lambda value: 0.0 < value <= 100.0,
                     "a number above 0, at most 100 rad/s (or degrees, by a key with _deg_s)")
 # From the Moon to Jupiter, or none: what else is written there is in g, ft/s², cm/s² or mm/s².
