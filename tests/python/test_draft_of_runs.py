@@ -10,8 +10,8 @@ from exactarm.data.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.robot_file import load_robot
 
-RUNS, STEP_S, DURATION_S, NOISE_RAD = 2, 0.02, 30.0, 5e-6
 pytestmark = pytest.mark.slow
+RUNS, STEP_S, DURATION_S, NOISE_RAD = 2, 0.02, 30.0, 5e-6
 PULLED, PULLING, SIZE_RAD = 3, 1, 8e-5  # axes from 1: a hose that one pulls along
 
 

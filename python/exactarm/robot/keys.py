@@ -24,9 +24,8 @@ ANY: Rule = (lambda value: True, "a number")
 POSITIVE: Rule = (lambda value: value > 0.0, "a number above 0")
 NOT_NEGATIVE: Rule = (lambda value: value >= 0.0, "a number of 0 or above")
 NOT_ZERO: Rule = (lambda value: value != 0.0, "a number other than 0")
-# Angles of a frame mean the same one turn further, limits of an axis end after a few turns (seven of the wrist
-# of a Fanuc, a dozen of a positioner), no joint turns a hundred times faster than a person: what is larger are
-# degrees.
+# Angles of a frame mean the same one turn further, limits of an axis end after a few turns (seven of a wrist,
+# a dozen of a positioner), no joint turns a hundred times faster than a person: what is larger are degrees.
 FRAME_ANGLE: Rule = (lambda value: abs(value) <= 4.0 * math.pi,
                      "a number of at most 12.6 rad (or degrees, by a key with _deg)")
 ANGLE_LIMIT: Rule = (lambda value: abs(value) <= 26.0 * math.pi,
