@@ -57,11 +57,12 @@ def beside_unknown(problem: Problem, steps: list[tuple[Fitted, Effect]],
         free = free_mask(effect)
         size = np.array([min(p.plausible, p.prior) for p, keep in zip(effect.parameters(), free) if keep])
         columns, value = before.columns(emptied(effect))[:, free], np.abs(np.array(effect.values)[free])
-        ways = [_weighed(before, columns, size * quicker, count(before),
-                         float(np.max(value / (size * quicker), initial=0.0)))
+        added = _Added.to(before, columns)
+        ways = [added.weighed(size * quicker, count(before),
+                              float(np.max(value / (size * quicker), initial=0.0)))
                 for quicker in effect.quickness(before.view)]
-        weight = float(special.logsumexp([each for each, *_ in ways]) - np.log(len(ways)))
-        left = max(ways, key=lambda way: way[0])[1]
+        weight = float(np.logaddexp.reduce([each for each, *_ in ways]) - np.log(len(ways)))
+        left = added.left(max(ways, key=lambda way: way[0])[1])
         own += weight + _log_prior(effect, candidates(before)) + effect.log_odds
         squares = squares_by_piece(left, before.data_numbers, pieces)
     own += log_prior_of_count(len(steps)) - log_prior_of_count(1)
@@ -104,12 +105,11 @@ def weigh_unknown(problem: Problem, without: Fitted, count: float, pieces: np.nd
     found, number = [], 0
     for part in (*apart, device):
         for unknown, response, sizes in _functions(problem, without, part, asked):
-            columns = without.whiten(response)
-            weighed = [_weighed(without, columns, size, count) for size in sizes]
-            weights = [weight for weight, *_ in weighed]
-            left = weighed[int(np.argmax(weights))][1]
+            added = _Added.to(without, without.whiten(response))
+            weighed = [added.weighed(size, count) for size in sizes]
+            left = added.left(max(weighed, key=lambda each: each[0])[1])
             odds = np.log(DESCRIBED) if unknown.described else 0.0
-            found.append((float(special.logsumexp(weights) + odds), unknown,
+            found.append((float(np.logaddexp.reduce([weight for weight, *_ in weighed]) + odds), unknown,
                           squares_by_piece(left, without.data_numbers, pieces)))
             number += len(sizes)
     return [Weighed(weight + np.log(UNKNOWN_MASS / number), *rest) for weight, *rest in found]
@@ -123,10 +123,10 @@ def columns_of_unknown(problem: Problem, without: Fitted, unknown: Unknown,
             if along == unknown.direction}
     alone = lambda signal, along: signal in unknown.signals
     response, sizes = next(each for own, *each in _functions(problem, without, part, alone) if own == unknown)
-    columns = without.whiten(response)
-    weighed = [(*_weighed(without, columns, size, count), size) for size in sizes]
+    added = _Added.to(without, without.whiten(response))
+    weighed = [(*added.weighed(size, count), size) for size in sizes]
     _, _, scale, size = max(weighed, key=lambda each: each[0])
-    return columns, scale * size
+    return added.columns, scale * size
 
 
 def _functions(problem: Problem, without: Fitted, part: dict,
@@ -154,23 +154,40 @@ def _log_prior(effect: Effect, candidates: list[Effect]) -> float:
                                                 * max(points, 1))))
 
 
-def _weighed(without: Fitted, columns: np.ndarray, size: np.ndarray, count: float,
-             largest: float = 0.0) -> tuple[float, np.ndarray, float]:
-    """Log marginal likelihood of columns (R, k) over a model without them, summed over the scales of their
-    sizes (k,), the residual (R,) that the likeliest scale leaves, and that scale; largest: a size that the
-    scales have to reach."""
-    absorbed, residual = without.basis.T @ columns, without.free_residual
-    normal, onto = columns.T @ columns - absorbed.T @ absorbed, columns.T @ residual
-    square, terms, found = float(residual @ residual), [], []
-    scales = scales_up_to(largest)
-    for scale, log_weight in scales:
-        gain, values, price = regularised_gain(normal, onto, scale * size)
-        left = max(square - gain, 1e-12 * square)
-        terms.append(log_weight - price + 0.5 * count * np.log(square / left))
-        found.append(values)
-    best = int(np.argmax(terms))
-    left = residual - columns @ found[best] + without.basis @ (absorbed @ found[best])
-    return float(special.logsumexp(terms)), left, scales[best][0]
+@dataclass(frozen=True)
+class _Added:
+    """Whitened columns (R, k) that are to be added to a fit, and their products with it."""
+
+    without: Fitted
+    columns: np.ndarray
+    absorbed: np.ndarray
+    normal: np.ndarray
+    onto: np.ndarray
+
+    @staticmethod
+    def to(without: Fitted, columns: np.ndarray) -> _Added:
+        absorbed = without.basis.T @ columns
+        return _Added(without, columns, absorbed, columns.T @ columns - absorbed.T @ absorbed,
+                      columns.T @ without.free_residual)
+
+    def weighed(self, size: np.ndarray, count: float,
+                largest: float = 0.0) -> tuple[float, np.ndarray, float]:
+        """Log marginal likelihood over the fit without them, summed over the scales of their sizes (k,), the
+        likeliest values (k,), and their scale; largest: a size that the scales have to reach."""
+        square, terms, found = float(self.without.free_residual @ self.without.free_residual), [], []
+        scales = scales_up_to(largest)
+        for scale, log_weight in scales:
+            gain, values, price = regularised_gain(self.normal, self.onto, scale * size)
+            left = max(square - gain, 1e-12 * square)
+            terms.append(log_weight - price + 0.5 * count * np.log(square / left))
+            found.append(values)
+        best = int(np.argmax(terms))
+        return float(np.logaddexp.reduce(terms)), found[best], scales[best][0]
+
+    def left(self, values: np.ndarray) -> np.ndarray:
+        """(R,) residual with them at these values."""
+        return (self.without.free_residual - self.columns @ values
+                + self.without.basis @ (self.absorbed @ values))
 
 
 def scales_up_to(largest: float) -> list[tuple[float, float]]:
