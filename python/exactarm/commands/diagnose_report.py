@@ -180,8 +180,10 @@ def _next(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contributi
     if result.verdict == UNEXPLAINED and result.converged:
         lines.append(measure_more(result))
     if result.drafts:
-        lines.append("`draft.toml` holds an effect for what is left. Check it, then `exactarm accept "
-                     "draft.toml` and diagnose again: every command knows it from then on.")
+        one = len(result.drafts) == 1
+        lines.append(f"`draft.toml` holds {'an effect' if one else f'{len(result.drafts)} effects'} for what is "
+                     f"left. Check {'it' if one else 'them'}, then `exactarm accept draft.toml` and diagnose "
+                     f"again: every command knows {'it' if one else 'them'} from then on.")
     return [Text(HEADING, tuple(lines))] if lines else []
 
 
