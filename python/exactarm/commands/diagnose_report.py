@@ -181,9 +181,9 @@ def _next(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contributi
         lines.append(measure_more(result))
     if result.drafts:
         one = len(result.drafts) == 1
-        lines.append(f"`draft.toml` holds {'an effect' if one else f'{len(result.drafts)} effects'} for what is "
-                     f"left. Check {'it' if one else 'them'}, then `exactarm accept draft.toml` and diagnose "
-                     f"again: every command knows {'it' if one else 'them'} from then on.")
+        number, it = ("an effect", "it") if one else (f"{len(result.drafts)} effects", "them")
+        lines.append(f"`draft.toml` holds {number} for what is left. Check {it}, then `exactarm accept "
+                     f"draft.toml` and diagnose again: every command knows {it} from then on.")
     return [Text(HEADING, tuple(lines))] if lines else []
 
 
