@@ -73,3 +73,12 @@ def test_accepted_it_leaves_nothing(racer, pulled):
 def test_clean_runs_are_left_alone(racer):
     result = diagnose(racer, to_and_fro(racer, np.zeros_like))
     assert result.verdict == "no_undeclared_effect" and result.drafts == ()
+
+
+def test_of_less_than_two_turns_of_a_motor_nothing_repeats(racer):
+    """Where a file's motor angles are those of the axes, "within a revolution" was likelier than the angle,
+    and no formula knows it."""
+    direct = replace(racer, joints=tuple(replace(joint, ratio=1.0) for joint in racer.joints))
+    result = diagnose(direct, to_and_fro(direct, lambda angle: 3.0 * SIZE_RAD * angle**3))
+    assert [(draft.effect.joint, draft.effect.of) for draft in result.drafts] == [(PULLED, (f"q_{PULLING}",))]
+    assert "revolution" not in result.sentence

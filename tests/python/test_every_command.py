@@ -106,7 +106,9 @@ def test_the_watch_sees_what_leaves_the_folder(folder, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("command", RUNS)
 def test_a_full_disk_is_one_line_and_no_result(command, folder, tmp_path):
-    limited = (f"import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, ({LEAST_FILE},) * 2)\n"
+    # bytecode that is cut off at the limit would spoil the runs of other tests
+    limited = ("import resource, sys; sys.dont_write_bytecode = True\n"
+               f"resource.setrlimit(resource.RLIMIT_FSIZE, ({LEAST_FILE},) * 2)\n"
                "from exactarm.cli import main; sys.exit(main())")
     done = run(command, folder, tmp_path / "out", ["-c", limited], 1)
     assert done.returncode == 1 and done.stderr.count("\n") == 1
