@@ -233,12 +233,7 @@ MOTION = {
         lambda d: column(d, "tau_motor", scaled(slice(None), 1e3)),
         "in another unit (mNm",
     ),
-    "torques of the links labelled as the motors'": (
-        lambda d: column(d, "tau_motor", lambda tau: tau * np.abs(load_robot("tx40").ratios)),
-        "or at the motor's shaft",
-    ),
     "milliseconds as seconds": (lambda d: replace(d, time=1e3 * d.time), "is the time in milliseconds"),
-    "microseconds as seconds": (lambda d: replace(d, time=1e6 * d.time), "is the time in microseconds"),
     "seconds as milliseconds": (
         lambda d: replace(d, time=1e-3 * d.time),
         "a time in seconds labelled as milliseconds",

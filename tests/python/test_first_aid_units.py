@@ -115,6 +115,11 @@ MOTION = {
         lambda d: column(d, "theta", shifted(1, 0.5 * np.pi * load_robot("tx40").joints[1].ratio)),
         "another zero of axis 2 (by -90 degrees)",
     ),
+    "torques of the links labelled as the motors'": (
+        lambda d: column(d, "tau_motor", lambda tau: tau * np.abs(load_robot("tx40").ratios)),
+        "or at the motor's shaft",
+    ),
+    "microseconds as seconds": (lambda d: replace(d, time=1e6 * d.time), "is the time in microseconds"),
     "torques late": (lambda d: column(d, "tau_motor", later(100)), "with the torques logged 0.02 s later"),
     "a clock that drifts": (
         lambda d: column(d, "tau_motor", on_a_clock(1.01)), "% faster than that of the angles",

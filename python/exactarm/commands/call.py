@@ -131,12 +131,14 @@ def threads_of(threads: int | None) -> int:
 
 def command(function: Callable[P, R]) -> Callable[P, R]:
     """The function of a command: `seed` and `threads` are refused as the command line refuses them, before it
-    works."""
+    works; and what the robot's file contradicts itself in is said."""
+    parameters = inspect.signature(function)
+
     @wraps(function)
     def checked(*given: P.args, **options: P.kwargs) -> R:
         require_common(options)
         result = function(*given, **options)
-        robot = given[0] if given else options.get("robot")
+        robot = parameters.bind(*given, **options).arguments.get("robot")
         told = with_robot_mistakes(result, robot) if isinstance(result, CommandResult) else result
         return cast(R, told)
 
@@ -148,7 +150,10 @@ def with_robot_mistakes(result: CommandResult, robot: object) -> CommandResult:
     if not isinstance(robot, (str, Path, Robot)):
         return result
     said = result.json.get("warnings", ())
-    found = [line for line in robot_mistakes(robot_of(robot)) if line not in said]
+    try:
+        found = [line for line in robot_mistakes(robot_of(robot)) if line not in said]
+    except InputError:  # a command that went without it
+        return result
     return result.warned(found) if found else result
 
 
