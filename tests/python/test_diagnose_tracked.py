@@ -14,9 +14,11 @@ from exactarm.chain import Layout, predict_tracked_motion
 from exactarm.data.dataset import Dataset, write_dataset
 from exactarm.diagnose.coloured_noise import autoregressive_share
 from exactarm.diagnose.diagnosis import diagnose
+from exactarm.diagnose.dossier import dossier
 from exactarm.diagnose.joint_fit import candidates_for
 from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.scan import scan
+from exactarm.diagnose.signal import PLACE
 from exactarm.effects import effect_from_table
 from exactarm.identify.evaluate import evaluate_tracked_motion
 from exactarm.identify.tracked_fit import subsampled_record, tracked_record
@@ -53,6 +55,19 @@ def tracked(effect, seed, runs=3, seconds=10.0):
     for k in range(1, len(noise)):
         noise[k] = keep * noise[k - 1] + np.sqrt(1.0 - keep**2) * noise[k]
     return replace(data, position=path + noise)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("bent_m, found", [(0.0, False), (1.2e-4, True)])
+def test_an_error_that_follows_the_place_is_no_noise_however_smooth_it_is_in_time(bent_m, found):
+    """Light that is bent, as a wave over 0.6 m; no effect of the library."""
+    data = tracked(None, 3, runs=4, seconds=20.0)
+    bent = bent_m * np.sin(2.0 * np.pi * data.position[:, [2, 0, 1]] / 0.6)
+    data = replace(data, position=data.position + bent)
+    problem = problem_for(ur10(), data, data.select(np.zeros(len(data), bool)), 1, 0)
+    first = dossier(problem, problem.fit(problem.declared()))
+    place = next(each for each in first.follows if each.signal.quantity == PLACE)
+    assert place.significant is found and (not found or place.share > 0.1)
 
 
 @pytest.mark.slow

@@ -116,7 +116,8 @@ def _over_space(problem: Problem, fitted: Fitted, tests: int) -> list[Follows]:
     residual = pick(fitted.whitened).reshape(-1)
     residual = (residual - basis @ (basis.T @ residual)).reshape(-1, 3)
     axes = [np.tile(np.eye(3)[k], (rows.size, 1)) * fitted.scale[rows, :3] for k in range(3)]
-    p_value, share = follows_space(residual, basis, axes, closeness(points[rows], _NEAR))
+    kernel = closeness(points[rows], _NEAR) * problem.apart(rows)
+    p_value, share = follows_space(residual, basis, axes, kernel)
     return [Follows(name, Direction("the device's axes", of_tracker=True), share, min(1.0, p_value * tests))]
 
 

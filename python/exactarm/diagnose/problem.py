@@ -109,6 +109,10 @@ class Problem(ABC):
         smoothly."""
         return None
 
+    def apart(self, rows: np.ndarray) -> np.ndarray | float:
+        """(R, R) bool, or 1 for all: pairs of rows that no noise makes alike, so that place alone does."""
+        return 1.0
+
     @abstractmethod
     def directions(self, fitted: Fitted) -> dict[Direction, np.ndarray]:
         """Patterns (N, m) along which something could move: a unit turn of each joint, each

@@ -18,7 +18,7 @@ from exactarm.diagnose.coloured_noise import ColouredNoise
 from exactarm.diagnose.fitted import Fitted, rows_kept
 from exactarm.diagnose.next_motions import separating_motion
 from exactarm.diagnose.problem_in_time import ProblemInTime
-from exactarm.diagnose.signal import POSITION, TWO_ANGLES, Direction, Signal, axis_of, turn_of
+from exactarm.diagnose.signal import PLACE, POSITION, TWO_ANGLES, Direction, Signal, axis_of, turn_of
 from exactarm.diagnose.smoothness import second_order
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.calibrate import calibrated_robot, identifiable_layout, require_sessions
@@ -41,6 +41,8 @@ _SAME_PATH_RAD = 1e-3
 _LEAST_REPEATED = 100  # samples
 _LEAST_SIGMA = 1e-12
 _SPREAD_ROWS = 300
+# s: memory of a filtered reading, and of what moves with the arm as it goes by
+_REMEMBERED_S, _WANDERS_S = 0.25, 2.0
 
 
 @dataclass(frozen=True)
@@ -186,6 +188,22 @@ class TrackedProblem(ProblemInTime):
         own = self._signals(view, self.record.data, moving, rate, np.sign(rate))
         place = {Signal(POSITION, part=axis): view.signals["target"][:, k] for k, axis in enumerate("xyz")}
         return own | {name: values for name, values in place.items() if np.ptp(values) > 0.0}
+
+    def space(self, fitted: Fitted) -> tuple[Signal, np.ndarray]:
+        """Where the target is, in spreads of the path."""
+        target = fitted.view.signals["target"]
+        return Signal(PLACE), target / np.sqrt(np.mean(np.var(target, axis=0)))
+
+    def independent_rows(self, fitted: Fitted) -> np.ndarray:
+        """Numbers of rows in use, further apart than noise that a filter makes remembers."""
+        used = np.flatnonzero(fitted.weight > 0.0)
+        slot = np.floor(self.record.data.time[used] / _REMEMBERED_S).astype(int)
+        _, first = np.unique(np.stack([self.record.data.run[used], slot]), axis=1, return_index=True)
+        return np.sort(used[first])
+
+    def apart(self, rows: np.ndarray) -> np.ndarray:
+        run, time = self.record.data.run[rows], self.record.data.time[rows]
+        return (run[:, None] != run) | (np.abs(time[:, None] - time) > _WANDERS_S)
 
     def surfaces(self, fitted: Fitted) -> dict[Signal, np.ndarray]:
         return {Signal(TWO_ANGLES): second_order(fitted.view.q[:, fitted.view.moving])}

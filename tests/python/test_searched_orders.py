@@ -1,0 +1,33 @@
+"""Orders of a gear run that are worth trying: those of waves that hardly pass once in the range, too."""
+
+from types import SimpleNamespace as Plain
+
+import numpy as np
+import pytest
+
+from exactarm.data.kinds import Device
+from exactarm.effects.harmonic_family import searched_orders
+from rigid_arm import rigid
+
+
+def swept(order: float, radians: float):
+    """A way up and down of axis 4 between two encoders, with a wave of `order` in it."""
+    way = np.linspace(0.2, 0.2 + radians, 800)
+    phi = np.concatenate([way, way[::-1]])
+    residual = 3e-4 * np.sin(order * phi + 0.4) + np.random.default_rng(3).normal(0.0, 2e-6, phi.size)
+    direction = np.repeat([1.0, -1.0], way.size)
+    on_axis = lambda values: np.where(np.arange(6) == 3, values[:, None], 0.0)
+    return Plain(device=Device.GEAR, robot=rigid(), signals={"axis_residual": on_axis(residual)},
+                 phi=on_axis(phi),
+                 moving=np.arange(6) == 3, keep=np.ones(phi.size, bool), direction=on_axis(direction),
+                 moving_runs=[(np.arange(phi.size), 3)], data=Plain(gyro=None))
+
+
+@pytest.mark.parametrize("order", [5.0, 7.0, 40.0])
+def test_a_wave_is_tried_near_its_order_however_little_of_it_was_seen(order):
+    tried = np.array(searched_orders(rigid(), swept(order, 1.6), 3))
+    assert np.min(np.abs(tried - order)) < 0.25 * 2.0 * np.pi / 1.6  # of a cell of resolution
+
+
+def test_no_order_is_tried_of_which_less_than_one_wave_was_seen():
+    assert min(searched_orders(rigid(), swept(40.0, 0.7), 3)) >= 2.0 * np.pi / 0.7
