@@ -248,9 +248,9 @@ def _unconverged(selection: Selection) -> tuple[str, ...]:
 
 def _by_held_out(accepted: Accepted, gain: float, own: Own | None) -> float:
     """Probability of an effect found step by step; gain: of its round, own: of itself where that is known."""
-    probability = accepted.probability * accepted.share
+    probability = allowed(accepted.probability * accepted.share, gain)
     if own is None:
-        return allowed(probability, gain)
+        return probability
     return carried_over(allowed(probability, own.gain), own.shown, own.variance)
 
 
