@@ -23,6 +23,8 @@ from exactarm.diagnose.contribution import (
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.signal import ANGLE, LOAD, SPEED, TIME, Signal, axis_of, measured_of, turn_of
 from exactarm.effects.base import Station
+from exactarm.effects.expression import Expression
+from exactarm.effects.joint_coupling import JointCoupling
 from exactarm.effects.order_source import likely_source
 from exactarm.effects.tracker_step import TrackerStep
 
@@ -108,10 +110,22 @@ def test_the_usual_source_of_an_order_follows_from_the_ratio(order, ratio, word)
 def test_a_drift_is_drawn_over_what_drives_it():
     signals = dict.fromkeys((Signal(ANGLE, 1), Signal(TIME), Signal("temperature")), np.arange(3.0))
     for driver in ("time", "temperature"):
-        found = _own_signals(SimpleNamespace(joint=None, driver=driver), signals, None)
+        found = _own_signals(SimpleNamespace(joint=None, driven_by=None, driver=driver), signals, None)
         assert list(found) == [Signal(driver)]
-    assert _own_signals(SimpleNamespace(joint=None), signals, None) is signals
-    assert _own_signals(SimpleNamespace(joint=None, driver="row"), signals, None) is signals
+    assert _own_signals(SimpleNamespace(joint=None, driven_by=None), signals, None) is signals
+    assert _own_signals(SimpleNamespace(joint=None, driven_by=None, driver="row"), signals, None) is signals
+
+
+def test_what_another_axis_drives_is_drawn_over_that_axis():
+    """A coupling stood over the speed of the axis that is turned."""
+    names = (Signal(ANGLE, 1), Signal(ANGLE, 3), Signal(SPEED, 3), Signal(TIME))
+    signals = dict.fromkeys(names, np.arange(3.0))
+    coupling = JointCoupling(3, (1.0, 1e-4))
+    formula = Expression(3, (1e-4,), form="a*q_1", of=("q_1",), names=("a",), plausible=(1e-4,))
+    for effect in (coupling, formula):
+        assert list(_own_signals(effect, signals, None)) == [Signal(ANGLE, 1), Signal(TIME)]
+    of_two = Expression(3, (1e-4,), form="a*q_1*q_2", of=("q_1", "q_2"), names=("a",), plausible=(1e-4,))
+    assert list(_own_signals(of_two, signals, None)) == [Signal(ANGLE, 3), Signal(SPEED, 3), Signal(TIME)]
 
 
 def test_the_size_of_a_cause_is_a_number_that_is_not_zero_within_its_interval():
@@ -145,10 +159,11 @@ def test_a_value_is_told_over_time_only_where_nothing_else_explains_half_of_it()
 def test_an_effect_of_no_axis_stands_over_signals_of_the_axis_along_which_it_is_drawn():
     names = (Signal(LOAD, 1), Signal(LOAD, 2), Signal(TIME), Signal(SPEED, 12))
     signals = dict.fromkeys(names, np.arange(3.0))
-    own = _own_signals(SimpleNamespace(joint=None), signals, None, measured_of(2))
+    of_none = SimpleNamespace(joint=None, driven_by=None)
+    own = _own_signals(of_none, signals, None, measured_of(2))
     assert list(own) == [Signal(LOAD, 2), Signal(TIME)]
     pushed = axis_of("base", "z")
-    assert list(_own_signals(SimpleNamespace(joint=None), signals, None, pushed)) == list(names)
+    assert list(_own_signals(of_none, signals, None, pushed)) == list(names)
 
 
 def test_a_direction_that_no_row_shows_is_not_the_own_one():

@@ -2,9 +2,9 @@
 
 For every effect, with all others in the model, on the identification rows:
 
-    value (N,) +- half (N,)     what it adds at its station, over its own signal (the signal of its own axis,
-                                or of the measurement, that its value follows best), with the 95 % band of its
-                                    parameters
+    value (N,) +- half (N,)     what it adds at its station, over its own signal (of the axis that drives it,
+                                or of the measurement, that its value follows best), with the 95 % band
+                                of its parameters
     without, with_ (N,)         the residual along the effect's own direction without and with it
     tool (N,)                   size of what it does to the measured position and no other parameter makes up
                                 for, m; of an angle error in other data: the angle times the distance of the
@@ -306,13 +306,13 @@ def _told_over(named: dict[Signal, np.ndarray], value: np.ndarray) -> Signal:
 
 def _own_signals(effect: Effect, signals: dict[Signal, np.ndarray], fitted: Fitted,
                  direction: Direction | None = None) -> dict[Signal, np.ndarray]:
-    """What drives the effect, where it says so (time, a temperature); else the signals of its own axis, of no
-    axis, and the phase of a fast element. An effect of no single axis that is drawn along the error of one
-    axis: those of that axis; else all."""
+    """What drives the effect, where it says so (time, a temperature); else the signals of the axis that it
+    follows, of no axis, and the phase of a fast element. An effect of no single axis that is drawn along the
+    error of one axis: those of that axis; else all."""
     driver = Signal(getattr(effect, "driver", ""))
     if driver in signals:
         return {driver: signals[driver]}
-    axis = effect.joint
+    axis = effect.driven_by
     if axis is None and direction is not None and not direction.turns:
         axis = direction.axis
     if axis is None:

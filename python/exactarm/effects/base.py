@@ -102,6 +102,11 @@ class Effect(ABC):
         """The axis, from 0."""
         return self.joint - 1
 
+    @property
+    def driven_by(self) -> int | None:
+        """The axis, from 1, whose signals it follows: its own unless it says another."""
+        return self.joint
+
     def per_guessed_load(self, view: View) -> np.ndarray:
         """(k,) bool: values that are sizes per Nm of a load which generic masses make."""
         guessed = view.robot.generic_masses if self.joint is None else view.guessed_load(self.index)

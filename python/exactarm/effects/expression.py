@@ -92,6 +92,11 @@ class Expression(Effect):
         return f"a formula of {' and '.join(self.of)}" if self.of else self.name
 
     @property
+    def driven_by(self) -> int | None:
+        axes = {int(match[2]) for match in map(_OF_AXIS.match, self.of) if match}
+        return axes.pop() if len(axes) == 1 else self.joint
+
+    @property
     def title(self) -> str:
         return self.heading or f"expression of axis {self.joint}"
 

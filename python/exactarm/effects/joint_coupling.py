@@ -39,6 +39,10 @@ class JointCoupling(Effect):
     def title(self) -> str:
         return f"{super().title} by motor {self.values[0]:.0f}"
 
+    @property
+    def driven_by(self) -> int:
+        return int(self.values[0])
+
     def in_units_of(self, robot, words: str) -> str:
         axes = self.joint, int(self.values[0])
         turned, motor = ("m" if slides(robot, joint) else "rad" for joint in axes)
