@@ -197,20 +197,6 @@ class GearProblem(ProblemInTime):
         return fit_gear_runs(self.robot, new.joined(layout.held), data, record=record,
                              threads=self.threads).prediction
 
-    def held_out_picture(self, fitted: Fitted) -> tuple[np.ndarray, np.ndarray] | None:
-        """Of a gyroscope; between encoders, rows of one run share noise that drifts."""
-        if "validation" not in self._records or self.record.encoder_axes:
-            return None
-        data, record = self.held_out, self._records["validation"]
-        new = self._new_set_up(fitted.layout, data, record)
-        if new.effects:
-            found = fit_gear_runs(self.robot, new.joined(fitted.layout.held), data, record=record,
-                                  threads=self.threads)
-            new = Layout.of(found.layout.effects[: len(new.effects)])
-        prediction = predict_gear_run(self.robot, new.held.joined(fitted.layout), data, record=record,
-                                      threads=self.threads)
-        return prediction.residual()[record.keep], prediction.jacobian[record.keep]
-
     def rms_by_axis(self, fitted: Fitted, data: Dataset) -> dict[int, float]:
         """Of each encoder, or of the runs in which the axis moves."""
         record, deviations = self._record_of(data), self._deviations(fitted, data)
