@@ -30,7 +30,6 @@ _LEAST_ORDER, _BELOW_SEARCH = 0.2, 0.8
 _MOST_MULTIPLES = 2  # of an element whose order was searched
 _MOTOR_MULTIPLES = (1.0, 2.0)  # that motions are searched for
 _REFINED, _BESIDE = 3, (-0.5, -0.25, 0.25, 0.5)  # peaks, and steps in cells of resolution
-_LEAST_WHOLE, _PASSES = 3.0, 3.0  # 1 and 2 are a run-out; cells of resolution
 _CURVE_KNEE = 25.0  # order above which the amplitudes of a gear or encoder curve fall (cycles per revolution)
 # lower orders are run-outs, no larger than what falls from here on: on part of a turn, wider ones would
 # imitate geometry and springs
@@ -296,6 +295,4 @@ def _residual_orders(view, index: int) -> np.ndarray:
     # The peak of a wave that grows with speed or load lies beside its order: the neighbourhood is tried too.
     cell = 2.0 * np.pi / max((np.ptp(x) for x, _ in pieces if x.size), default=np.inf)
     beside = orders[:_REFINED, None] + cell * np.array(_BESIDE)
-    # A wave that passes once to three times in the range has no peak in the spectrum, which has them at zero.
-    slow = np.arange(np.ceil(max(cell, _LEAST_WHOLE)), _PASSES * cell) if np.isfinite(cell) else np.zeros(0)
-    return np.concatenate([orders, beside[beside > cell], slow])
+    return np.concatenate([orders, beside[beside > cell]])
