@@ -33,6 +33,12 @@ def same(left, right) -> bool:
     return left == right
 
 
+# What a robot file takes: what is larger are degrees, or another unit of gravity.
+frame_angles = st.floats(-12.5, 12.5)
+triples = st.lists(st.floats(-14.0, 14.0), min_size=3, max_size=3).map(np.array)
+gravities = st.just(np.zeros(3)) | triples.filter(lambda gravity: 1.5 < np.linalg.norm(gravity) < 25.0)
+
+
 def arrays(count: int):
     return st.lists(numbers, min_size=count, max_size=count).map(np.array)
 
@@ -47,17 +53,19 @@ def gear_tables(draw) -> GearTable:
 def joints(draw) -> Joint:
     fields = {"type": draw(st.sampled_from(["revolute", "prismatic"])),
               "sign": draw(st.sampled_from([1.0, -1.0]))}
-    for name in ("zero", "d", "a", "alpha", "q_offset", "spring_cubic"):
+    for name in ("d", "a", "q_offset", "spring_cubic"):
         fields[name] = draw(numbers)
+    for name in ("zero", "alpha"):
+        fields[name] = draw(frame_angles)
     fields["ratio"] = draw(st.none() | positive | positive.map(lambda value: -value))
-    for name in ("spring_linear", "rotor_inertia", "coulomb", "viscous", "q_dot_max", "q_ddot_max",
-                 "torque_max"):
+    for name in ("spring_linear", "rotor_inertia", "coulomb", "viscous", "q_ddot_max", "torque_max"):
         fields[name] = draw(st.none() | positive)
+    fields["q_dot_max"] = draw(st.none() | positive.map(lambda value: min(value, 100.0)))
     fields["controller_offset"] = draw(st.none() | numbers)
     if draw(st.booleans()):
-        fields["q_min"], fields["q_max"] = -draw(positive), draw(positive)
+        fields["q_min"], fields["q_max"] = -min(draw(positive), 80.0), min(draw(positive), 80.0)
     if draw(st.booleans()):
-        fields["beta"], fields["d"] = draw(numbers), 0.0
+        fields["beta"], fields["d"] = draw(frame_angles), 0.0
     if fields["ratio"] is not None:
         fields |= {"controller_ratio": draw(st.none() | positive), "cw": draw(st.none() | gear_tables())}
         fields["ccw"] = draw(st.none() | gear_tables())
@@ -82,7 +90,7 @@ def robots(draw) -> Robot:
         draw(text),
         tuple(axes),
         draw(st.none() | st.lists(links(), min_size=len(axes), max_size=len(axes)).map(tuple)),
-        draw(arrays(3)),
+        draw(gravities),
         place(0),
         place(1),
         draw(st.booleans()),
