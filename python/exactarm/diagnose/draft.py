@@ -1,13 +1,13 @@
 """Draft: an effect that nobody wrote yet, as a formula, where a diagnosis finds something else at work.
 
-1. Unknown functions (unknown.py) are searched once more beside the final model, whose parameters keep their
-   priors; those that turn an axis are grouped by it, the likeliest axis first.
+1. Unknown functions (unknown.py) are asked for once more beside the final model, whose parameters keep their
+   priors; those that turn an axis are grouped by it, the likeliest axis first (unknown_axes.py).
 2. The formulas of the dictionary in the signals of an axis are compared by the evidence of the linear picture
    (evidence.py), grids of their non-linear parameters summed over. The first term, and each further one, is
    `_LEAST_NATS` more likely than without. A series takes part, and wins where no short formula fits nearly as
    well (`_SERIES_COSTS`).
-3. The winner has to lower the cross-validated square sum over whole poses; then everything is fitted together
-   through the chain. An axis that no formula describes is left, and the next is tried.
+3. The winner has to lower the cross-validated square sum over whole poses, or pieces of runs; then everything
+   is fitted together through the chain. An axis that no formula describes is left, and the next is tried.
 
 Held-out rows choose nothing. An unknown function of the device is not drafted: a formula turns one axis.
 """

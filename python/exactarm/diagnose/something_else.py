@@ -99,12 +99,12 @@ def weigh_unknown(problem: Problem, without: Fitted, count: float, pieces: np.nd
                   asked: Callable[[Signal, Direction], bool]) -> list[Weighed]:
     """Every unknown function of the signals that are asked for along a direction; one direction at a time,
     to save memory."""
-    directions = problem.directions(without)
+    signals, directions = problem.signals(without), problem.directions(without)
     device = {along: pattern for along, pattern in directions.items() if along.of_tracker}
     apart = [{name: pattern} for name, pattern in directions.items() if name not in device]
     found, number = [], 0
     for part in (*apart, device):
-        for unknown, response, sizes in _functions(problem, without, part, asked):
+        for unknown, response, sizes in _functions(problem, signals, part, asked):
             added = _Added.to(without, without.whiten(response))
             weighed = [added.weighed(size, count) for size in sizes]
             left = added.left(max(weighed, key=lambda each: each[0])[1])
@@ -122,20 +122,21 @@ def columns_of_unknown(problem: Problem, without: Fitted, unknown: Unknown,
     part = {along: pattern for along, pattern in problem.directions(without).items()
             if along == unknown.direction}
     alone = lambda signal, along: signal in unknown.signals
-    response, sizes = next(each for own, *each in _functions(problem, without, part, alone) if own == unknown)
+    made = _functions(problem, problem.signals(without), part, alone)
+    response, sizes = next(each for own, *each in made if own == unknown)
     added = _Added.to(without, without.whiten(response))
     weighed = [(*added.weighed(size, count), size) for size in sizes]
     _, _, scale, size = max(weighed, key=lambda each: each[0])
     return added.columns, scale * size
 
 
-def _functions(problem: Problem, without: Fitted, part: dict,
+def _functions(problem: Problem, signals: dict, part: dict,
                asked: Callable[[Signal, Direction], bool]) -> Iterator[tuple]:
     """(unknown, response (N, m, k), sizes (k,) for each length) along some directions."""
     unit = problem.unknown_size / AMPLITUDE
-    signals = {signal: values for signal, values in problem.signals(without).items()
-               if all(asked(signal, along) for along in part)}
-    for unknown, response, sizes in unknown_functions(signals, part, {}, {}):
+    wanted = {signal: values for signal, values in signals.items()
+              if all(asked(signal, along) for along in part)}
+    for unknown, response, sizes in unknown_functions(wanted, part, {}, {}):
         yield unknown, response, [unit * size for size in sizes]
 
 
