@@ -69,6 +69,7 @@ def test_condition_of_another_kind_is_refused():
         draw_conditions("cut", "poses", 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "conditions", [Conditions(freedom=5.0), Conditions(memory=4.0), Conditions(freedom=6.0, memory=3.0)]
 )

@@ -168,6 +168,7 @@ def test_coupling_is_known_by_its_motor():
     assert score(found, {"effects": [cause | {"motor": 4}], "best": 1.0})["score"] == "wrong"
 
 
+@pytest.mark.slow
 def test_an_effect_can_be_taken_out_of_the_library():
     words = (
         "import sys; sys.path[:0] = sys.argv[1:3]; from blind.scorer import shrink_library; "

@@ -38,6 +38,7 @@ def test_rounded_readings_are_told_with_their_step(ur10):
     assert line.startswith("joint angles are rounded to 0.5 degrees, which alone leaves ")
 
 
+@pytest.mark.slow
 def test_angles_that_were_commanded_on_a_grid_are_not_rounded(ur10):
     """Positions that follow them are those of the grid."""
     robot, data = ur10

@@ -95,6 +95,7 @@ def test_a_lens_agrees_with_opencv():
     np.testing.assert_allclose(project(points(), BENT)[0], theirs, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("on_flange", [True, False])
 def test_derivatives_by_every_parameter_agree_with_differences(on_flange):
     random = np.random.default_rng(5)
@@ -192,6 +193,7 @@ def test_wrongly_found_corners_are_left_out_and_counted():
     np.testing.assert_array_equal(np.flatnonzero(gross_corners(board, seen)), wrong)
 
 
+@pytest.mark.slow
 def test_a_file_of_corners_is_read_back(tmp_path):
     robot, data = pictures("panda", 1, 3)
     write_table(tmp_path / "rows.csv", dataset_columns(data, robot.nominal))

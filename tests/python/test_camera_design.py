@@ -94,6 +94,7 @@ def test_what_no_picture_can_be_designed_with_is_refused(tmp_path, capsys, more,
     assert words in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_camera_without_size_or_focal_length_and_a_place_out_of_sight_are_refused():
     with pytest.raises(InputError, match="size_px or focal_px missing"):
         design_pictures(UR10, replace(SETUP, size=None), ClosureDesignOptions())

@@ -369,6 +369,7 @@ def test_a_file_that_was_never_calibrated_is_not_compared_with_itself():
     assert all(item.before is None for item in highlights.items)
 
 
+@pytest.mark.slow
 def test_a_robot_of_python_knows_what_it_was_fitted_to():
     """Its rows were told to have been never fitted: the record came with the robot file alone."""
     data = ea.read("ur10", "ur10/series_B")

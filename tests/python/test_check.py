@@ -34,6 +34,7 @@ def fresh(random, hypotheses, occasions=6):
 
 
 # -- the test ------------------------------------------------------------------------------------------
+@pytest.mark.slow
 def test_false_alarms_are_no_more_frequent_than_the_boundary_says():
     """A year of 25 days, 60 years: at most 60 on the mean. `bench/false_alarms.py` does it for years of 250
     days."""
@@ -148,6 +149,7 @@ def before_of(truth, q, random, arm, occasions=10):
     return replace(data, covariates={"day": np.repeat(np.arange(1.0, occasions + 1), len(q))})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "what, size, name",
     [

@@ -15,6 +15,7 @@ from exactarm.robot.robot import Placement
 from test_check import an_arm_for, before_of, days_of
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [pytest.param(13, marks=pytest.mark.slow), 14])
 @pytest.mark.parametrize("turn_rad, shift_m", [(5e-3, 5e-3), (1.5, 2.0)])
 def test_a_base_that_has_moved_far_is_the_base(seed, turn_rad, shift_m):

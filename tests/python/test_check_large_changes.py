@@ -20,6 +20,7 @@ LARGE = [ZEROS[0], *(pytest.param(*zero, marks=pytest.mark.slow) for zero in ZER
          ("tool", 0.02, "tool"), ("base", 1.0, "base")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what, size, name", LARGE)
 def test_a_large_change_is_named_as_surely_as_a_small_one(what, size, name):
     """The arm is not calibrated: its lengths and angles are off by millimetres and milliradians."""

@@ -174,6 +174,7 @@ def test_a_file_in_place_of_the_folder_is_bad_input(package, tmp_path, capsys):
     assert (tmp_path / "out").read_text() == "mine"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number, code", [(signal.SIGINT, 130), (signal.SIGTERM, 130), (signal.SIGKILL, -9)])
 def test_a_killed_run_leaves_no_result_not_even_an_old_one(package, tmp_path, number, code):
     out = tmp_path / "out"

@@ -61,6 +61,7 @@ def test_without_deviation_only_deflection_and_gears_part_the_rigid_motions_from
     assert error["exactarm"] < 2e-6
 
 
+@pytest.mark.slow
 def test_a_hidden_effect_is_on_the_robot_alone_and_silences_the_independent_engine(tmp_path):
     code, out = compare(tmp_path, "--effect",
                         "payload mass_kg=3 moment_x_kg_m=0 moment_y_kg_m=0 moment_z_kg_m=0.3", "--damping",

@@ -128,6 +128,7 @@ def one(dialect: str, random: np.random.Generator) -> str:
     return "refused" if result.refused else "right"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dialect", MAKERS)
 def test_mutated_programs_are_refused_by_line_or_corrected(dialect, count=50, seed=11):
     random = np.random.default_rng(seed)

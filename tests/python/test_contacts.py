@@ -43,6 +43,7 @@ def rows_of_every_contact(each: int = 3) -> Dataset:
     return Dataset.of_arrays("closures", {"q": q}, contacts=columns, length=np.full(count, 0.4))
 
 
+@pytest.mark.slow
 def test_derivatives_by_every_parameter_agree_with_differences():
     layout = Layout.of(contacts()).joined(geometry_layout(PANDA))
     data = rows_of_every_contact()

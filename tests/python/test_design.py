@@ -200,6 +200,7 @@ def test_designed_poses_are_allowed_and_validation_stays_apart():
     assert design.history[-1] == pytest.approx(design.exchanged.O1, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_design_is_repeatable_and_depends_on_the_seed():
     robot = racer_like()
     options = DesignOptions(count=12, validation=3, seed=4)

@@ -96,6 +96,7 @@ def test_the_gear_between_its_tables_is_inverted_exactly():
     np.testing.assert_allclose((declared_output_angle(view)[0] - found) / 1e-4, slope, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_many_reversals_take_a_time_that_grows_with_the_samples():
     """Each was once looked at in all samples: 60,000 with 1,800 of them on each of two axes took 28 s, and
     0.4 s now. Outside of its passage nothing changes, so the result is the same to the bit."""

@@ -156,6 +156,7 @@ def test_breakaway_torque_of_a_coarse_log():
     assert high - low < 1.0
 
 
+@pytest.mark.slow
 def test_a_fit_ends_where_friction_turns_over_as_it_says(monkeypatch):
     """Blind motion 96022: one turn left a width beside that of the final layout, and a breakaway torque 11 %
     too small, outside of its interval. Here every turn goes half the way to a width."""

@@ -159,6 +159,7 @@ def test_a_curve_used_beyond_its_angles_is_told(arm, rng):
     assert evaluate_poses(everywhere, data).warnings == ()
 
 
+@pytest.mark.slow
 def test_rows_that_the_robot_was_fitted_to_are_told():
     """`evaluate` is for data that the robot has not seen; it said nothing of others."""
     data = ea.read("ur10", "ur10/series_B")

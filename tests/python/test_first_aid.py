@@ -183,6 +183,7 @@ def test_the_file_of_another_robot_is_told_by_name(ur10):
     assert "with data of ur10 the data would fit" in first_aid(load_robot("tx40"), data)[0]
 
 
+@pytest.mark.slow
 def test_effects_that_need_masses_are_not_asked_of_an_arm_without_any(ur10):
     robot = load_robot("ur10")
     loaded = replace(robot, effects=(effect_from_table({"effect": "base_compliance", "rad_per_Nm": 1e-6}),))

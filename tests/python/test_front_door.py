@@ -149,6 +149,7 @@ def test_a_figure_is_drawn_on_axes_that_exist(make):
     assert made.plot(axes) is axes and axes.has_data() and axes.get_xlabel()
 
 
+@pytest.mark.slow
 @pytest.mark.drawn
 def test_a_result_is_saved_as_the_command_line_saves_it(result, tmp_path):
     page = result.save(tmp_path / "out")

@@ -47,6 +47,7 @@ def with_run_outs_found(hidden, seed=1):
     return problem, fitted, len(declared.effects), templates, count
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_every_axis_gets_the_curve_that_it_asks_for(seed):
     hidden = lambda rng: [curve(axis, 3e-5, 1.0, 40, rng) for axis in (1, 2, 3)]
@@ -66,6 +67,7 @@ def test_every_axis_gets_the_curve_that_it_asks_for(seed):
     assert np.sqrt(np.mean(after**2)) < 0.6 * np.sqrt(np.mean(before**2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize("hidden", [lambda rng: [RUN_OUT], lambda rng: []], ids=["run-out", "nothing"])
 def test_what_is_no_curve_gets_none(hidden, seed):

@@ -172,6 +172,7 @@ def test_the_strongest_line_is_found_in_coloured_noise():
     assert_allclose(strongest_line([piece, piece[:200]], 2e-3), 31.0, atol=0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shaken", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_a_vibration_in_time_is_told_and_no_gear_is_blamed_alone(racer, shaken):
     """A floor that shakes at 23 Hz in every run, whatever the speed: the verdict is `unexplained`. The clean
@@ -259,6 +260,7 @@ def test_the_cut_ends_of_a_run_in_motion_carry_no_spike(racer):
     assert record.keep.mean() > 0.99
 
 
+@pytest.mark.slow
 def test_smooth_ramps_keep_their_samples_and_show_a_delay(racer):
     """A filter that lets a tenth of the gyroscope's noise through rounds ramps by six times the noise: all of
     them were left out, and a delay shows nowhere else."""

@@ -100,6 +100,7 @@ def test_a_row_between_lost_samples_has_no_rate():
     assert record.keep[900] and record.theta_dot[900, 0] != 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("late_s", "way"), [
     pytest.param(0.02, "behind", marks=pytest.mark.slow), (-0.02, "ahead of")])
 def test_another_clock_of_the_gyroscope_is_told(late_s, way):

@@ -95,6 +95,7 @@ def test_a_perfect_sensor_reads_the_direction_of_up():
     np.testing.assert_allclose(np.sin(numbers[Inclinometer]), up[:2], atol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "robot"), [("accel", "panda"), ("tilt", "panda"), ("accel", "ur10")])
 def test_gravity_alone_recovers_the_angles_of_the_arm(name, robot):
     """Rows never fitted come down to the noise of the sensor; lengths, the first axis and the last one's zero

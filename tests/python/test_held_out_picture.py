@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from exactarm import _core
 from exactarm.chain import Layout
@@ -27,6 +28,7 @@ def motion():
     return parted(robot, replace(data, identification=np.arange(time.size) < 400))
 
 
+@pytest.mark.slow
 def test_the_picture_is_that_of_the_errors():
     problem = motion()
     fitted = problem.fit(problem.declared())
@@ -41,6 +43,7 @@ def test_the_picture_is_that_of_the_errors():
                                atol=1e-6 * np.abs(residual).max())
 
 
+@pytest.mark.slow
 def test_nothing_held_out_has_no_picture():
     problem = motion()
     none = problem.data.select(np.zeros(len(problem.data), bool))
@@ -48,6 +51,7 @@ def test_nothing_held_out_has_no_picture():
     assert whole.held_out_picture(whole.fit(whole.declared())) is None
 
 
+@pytest.mark.slow
 def test_a_rotor_beside_the_declared_model_has_a_column():
     problem = motion()
     layout = problem.declared().joined(Layout.of((RotorInertia(3, (0.0,)),)))

@@ -130,6 +130,7 @@ def test_what_a_bound_holds_is_said_and_has_no_interval():
     assert found.fit.covariance[3, 3] == 0.0
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_in_19_of_20_repeats():
     """300 data sets of 3 parameters (the one with a prior drawn from it): 95 % within 3 standard errors."""
     rng, inside = np.random.default_rng(5), []

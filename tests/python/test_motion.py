@@ -99,6 +99,7 @@ def steps_of(layout):
                      for name, p in zip(layout.names, layout.parameters)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("springs", [False, True])
 def test_jacobian(springs):
     """Every effect alone and all together, with declared springs and without."""

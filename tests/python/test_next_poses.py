@@ -117,6 +117,7 @@ def test_says_so_when_no_pose_parts_them(doubtful):
     assert sentence_of(found).startswith("No poses inside the limits tell")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spread", [pytest.param(0.03, marks=pytest.mark.slow), 1e-6])
 def test_poses_measured_in_a_corner_ask_for_others_all_the_same(narrow, spread):
     """So narrow that hardly any pose within the limits has its target there: it ended with an error."""

@@ -105,6 +105,7 @@ def test_rows_of_five_to_25_times_the_noise_are_wrong_by_themselves(rows):
     assert np.mean(caught) > 0.85 and np.mean(good) < 0.002
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("freedom", [3.0, 5.0, 10.0])
 @pytest.mark.parametrize("rows", [60, 150, 400])
 def test_hardly_a_row_of_heavy_tails_is_called_wrong(rows, freedom):
@@ -151,6 +152,7 @@ def test_lost_degrees_of_freedom_are_given_back():
     assert noise.sigma == pytest.approx(SIGMA, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_weighted_fit_takes_its_parameters_from_the_precise_component():
     """Of 60 rows, 30 parameters: as if all components had lost alike, the precise one came out at 0.82 of its
     standard deviation, and what is left in it for a cause."""
@@ -244,6 +246,7 @@ def test_what_the_next_row_shares_counts_the_memory(ratio, memory, share):
     assert noise.common_to_neighbours == pytest.approx(share, abs=0.005)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("freedom", [3.0, 5.0, 10.0])
 def test_rows_weighed_by_a_student_law_are_worth_its_information(freedom):
     """The mean of rows weighed by what they leave scatters as `held_share` of the weights says."""

@@ -97,12 +97,14 @@ def test_of_two_runs_either_may_be_the_wrong_one(runs):
     assert "in run 2" in said[0].text and "reverse" not in said[0].text  # friction would drive in the other
 
 
+@pytest.mark.slow
 def test_a_payload_that_no_file_declares_is_told(runs):
     unsaid = replace(carrying(PAYLOAD_KG, 11, 0.0), covariates={})
     said = first_aid(six_axis(), joined(runs[0], unsaid, runs[2]))
     assert len(said) == 1 and "other masses (payload, tool or robot) in run 2" in said[0], said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("said_kg, words", [
     (PAYLOAD_KG, ""), (PAYLOAD_KG / 0.45359237, "a payload in lb labelled as kg in run 2"),
     (1e3 * PAYLOAD_KG, "a payload in g labelled as kg in run 2"),
@@ -113,6 +115,7 @@ def test_a_declared_payload_is_no_mistake_and_its_unit_is_told(runs, said_kg, wo
     assert (words in said[0]) if words else said == []
 
 
+@pytest.mark.slow
 def test_friction_that_differs_between_runs_is_not_suspected(runs):
     """Cold grease: half as much friction again as in the others."""
     joints = tuple(replace(j, coulomb=1.5 * j.coulomb, viscous=1.5 * j.viscous) for j in true_arm(5).joints)
@@ -120,6 +123,7 @@ def test_friction_that_differs_between_runs_is_not_suspected(runs):
     assert first_aid(six_axis(), joined(cold, *runs[1:])) == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [pytest.param(2, marks=pytest.mark.slow), 3])
 def test_right_runs_are_not_suspected(runs, count):
     assert first_aid(six_axis(), joined(*runs[:count])) == ()

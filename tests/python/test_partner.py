@@ -52,6 +52,7 @@ def with_partner(data: Dataset, robot) -> Dataset:
     return replace(data, fixture=replace(data.fixture, partner=replace(data.fixture.partner, robot=robot)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("open_arm", [False, True])
 def test_derivatives_by_every_parameter_agree_with_differences(open_arm):
     """Another arm of six axes and with springs, beside one of seven."""
@@ -93,6 +94,7 @@ def test_derivatives_of_the_distance_of_two_balls(size):
     assert_derivative(lambda v: distances(v, *about)[0], v, distances(v, *about)[1], 1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slipped", [0.0, pytest.param(0.05, marks=pytest.mark.slow)])
 def test_an_arm_of_another_size_is_refused_before_any_fit(slipped, monkeypatch):
     robot, data, _ = touched("ur10", 3, count=60, slipped=slipped)

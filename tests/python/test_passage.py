@@ -65,6 +65,7 @@ def test_rows_that_hang_on_the_passage_of_a_motion_are_left_out(rigid, monkeypat
                             "reversals")
 
 
+@pytest.mark.slow
 def test_rows_behind_reversals_stay_where_too_few_would_remain(rigid, monkeypatch):
     data = measured(rigid, measure_motion, monkeypatch)
     record = motion_record(rigid, data)

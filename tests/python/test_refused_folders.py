@@ -64,6 +64,7 @@ def test_a_file_of_the_user_is_found_before_the_work(command, folder, tmp_path, 
     assert [path.name for path in (tmp_path / "out").iterdir()] == []
 
 
+@pytest.mark.slow
 def test_a_picture_of_the_user_among_the_plots_stays_and_no_run_is_refused(tmp_path):
     first = ea.calibrate("ur10", ea.example("ur10/series_B"), threads=1)
     first.save(tmp_path)
@@ -260,6 +261,7 @@ def test_every_command_refuses_a_read_only_folder_and_leaves_the_result_in_it(fo
         assert len(names) >= 8 and files(tmp_path) == before
 
 
+@pytest.mark.slow
 @pytest.mark.drawn
 def test_a_read_only_working_folder_is_no_obstacle(folder, tmp_path, told_to_a_user):
     (tmp_path / "cwd").mkdir()

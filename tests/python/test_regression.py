@@ -267,6 +267,7 @@ def test_robust_intervals_hold_the_truth_beside_gross_errors(gross):
     assert 0.009 < np.mean(sigmas) < 0.013
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("standards", [0.0, 0.5, 1.0, 2.0, 3.0])
 @pytest.mark.parametrize("count", [12, 60])
 def test_intervals_hold_a_size_at_or_near_its_bound(count, standards):

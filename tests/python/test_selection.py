@@ -61,6 +61,7 @@ def test_nothing_is_proposed_for_an_axis_that_stands_still():
     assert {effect.joint for effect in found} >= {1, 2, 3, 5, 6}
 
 
+@pytest.mark.slow
 def test_products_through_a_station_are_those_of_the_whole_columns():
     """Of every effect of the library, without another one in the fit, and along the directions of a test."""
     problem, declared = undisturbed()
@@ -130,6 +131,7 @@ def _with_bounds(parameters, size):
     return lambda effect: tuple(replace(p, lower=-size, upper=size) for p in parameters(effect))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("probability", "stays"), [(0.49, False), (0.51, True)])
 def test_what_is_less_probable_than_not_does_not_enter(probability, stays):
     hidden = {"effect": "tracker_scale", "x_scale": 0.0, "y_scale": 0.0, "z_scale": 1e-3}
@@ -174,6 +176,7 @@ def pushed():
     return problem, declared, fitted, selection.candidates_for(problem, fitted)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["coulomb_friction", "viscous_friction", "stribeck_friction"])
 def test_friction_does_not_push(name):
     problem, declared, fitted, field = pushed()

@@ -71,6 +71,7 @@ def two_set_ups():
     return poses.assign(session=1 + (np.arange(len(poses)) % 2)).drop(columns="set", errors="ignore")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["calibrate", "evaluate"])
 def test_the_table_is_named_with_its_hash(command, two_set_ups, tmp_path):
     """In the footer and in result.json; a robot file's `data` are the measured rows alone."""

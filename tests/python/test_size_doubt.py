@@ -25,6 +25,7 @@ def test_a_distance_that_is_wrong_by_some_percent_is_doubted(factor, said):
     assert any("all alike: is a known length" in line for line in result.warnings) == said
 
 
+@pytest.mark.slow
 def test_arms_that_are_right_are_doubted_once_in_ten_thousand():
     """Deviations of any size: 4,000 arms, seed 1; three or more would come once in a hundred such tests."""
     random, doubted = np.random.default_rng(1), 0

@@ -29,6 +29,7 @@ def case(rng, bump=0.0):
     return residual, basis, patterns, closeness(points, 1.0)
 
 
+@pytest.mark.slow
 def test_p_values_of_noise_are_evenly_spread(rng):
     """Of 400 draws as many lie under 0.05 and 0.01 as should, within four standard errors."""
     p = np.array([follows_space(*case(rng))[0] for _ in range(400)])

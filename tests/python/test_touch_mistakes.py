@@ -43,6 +43,7 @@ def told(found: list) -> list[str]:
             if len(lines) != 1 or not lines[0].startswith(f"with {words} the data would fit the robot ")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "contact"), CONTACTS)
 def test_mistakes_in_the_angles_of_touches_are_named(name, contact):
     robot, data = touched(name, contact, 1, count=20)
@@ -57,6 +58,7 @@ def test_mistakes_are_named_where_a_cube_is_touched():
     assert told(changed(robot.nominal, data)) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "contact"), CONTACTS)
 def test_right_touches_are_accused_of_nothing(name, contact):
     for effects in ((), (ECCENTRICITY,)):
@@ -64,6 +66,7 @@ def test_right_touches_are_accused_of_nothing(name, contact):
         assert first_aid(robot.nominal, data) == ()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["dinova_1", *(
     pytest.param(name, marks=pytest.mark.slow) for name in ("panda_3", "panda_6", "panda_7", "dinova_2"))])
 def test_the_shipped_arms_are_accused_of_nothing_and_mistakes_in_them_are_named(name):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from central_difference import assert_derivative
 from exactarm import _core
@@ -39,6 +40,7 @@ def test_creeping_motion_is_a_series_of_static_poses():
     assert np.max(np.abs(moving - still)) < 2e-5
 
 
+@pytest.mark.slow
 def test_springs_answer_as_the_arm_swings():
     """The chain's one linear system against the integrated plant, gear errors near resonance and all."""
     robot = six_axis(springs=True)

@@ -31,6 +31,7 @@ def test_torques_of_which_half_is_left_are_not_called_explained(measured, found,
     assert said == verdict
 
 
+@pytest.mark.slow
 def test_what_is_left_of_torques_is_their_share():
     data = log_of(true_arm(5), 4.0, 10, 100.0)
     problem = MotionProblem(six_axis(), data, data.select(np.zeros(0, int)))

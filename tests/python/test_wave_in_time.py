@@ -60,6 +60,7 @@ def test_a_floor_that_shakes_is_no_gear(racer, begins_with_run):
     assert_allclose(frequency_told(result), SHAKE_HZ, atol=0.25)
 
 
+@pytest.mark.slow
 def test_one_whose_size_changes_is_no_gear(racer):
     own = np.random.default_rng(3).uniform(0.0, 6.0, RUNS)
     result = diagnose(racer, one_speed(racer, shakes=(own, 0.15)))
