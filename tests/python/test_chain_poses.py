@@ -78,6 +78,7 @@ def assert_jacobian(robot, layout, data, relative=1e-6):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("springs", [False, True])
 @pytest.mark.parametrize("orientation", [False, True])
 def test_jacobian_of_all_declared_parameters_in_two_sessions(springs, orientation, rng):

@@ -132,6 +132,7 @@ MOTION = {
 MADE = {"ur10": MISTAKES, "tx40": MOTION}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("arm, name", [(arm, name) for arm in MADE for name in MADE[arm]])
 def test_a_mistake_in_shipped_data_is_told(request, arm, name):
     robot, data = request.getfixturevalue(arm)

@@ -28,6 +28,7 @@ def valid():
     return samples()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in READERS if not name.endswith((".parquet", ".src"))])
 def test_a_hostile_number_is_read_or_refused(valid, name, tmp_path):
     content, random, path = valid[name], np.random.default_rng(3), tmp_path / name

@@ -57,6 +57,7 @@ LONG = {"half in degrees", "half in radians labelled degrees", "columns that cha
         "a zero lost by 90 degrees"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name
                                   for name in PARTS])
 def test_a_mistake_in_a_part_of_the_rows_is_told_with_its_place(ur10, name):  # noqa: F811
