@@ -8,7 +8,7 @@ from exactarm.commands.diagnose_report import report_of
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.signal import ANGLE, APPROACH, DIRECTION, LOAD, TRACKER, Signal, axis_of, turn_of
-from exactarm.diagnose.unknown import AMPLITUDE, basis_of, levels_of, sizes_of, unknown_functions
+from exactarm.diagnose.unknown import AMPLITUDE, Wave, basis_of, levels_of, sizes_of, unknown_functions
 from exactarm.effects import library
 from exactarm.effects.base_compliance import BaseCompliance
 from exactarm.effects.gear_harmonics import GearHarmonics
@@ -19,11 +19,11 @@ from exactarm.robot_file import load_robot
 from set_ups import at_random_place, joints_in_limits, measured
 
 
-def functions_of(signals, waves=None):
+def functions_of(signals, waves=()):
     """Of one axis that turns, and the device."""
     rows = len(next(iter(signals.values())))
     directions = {turn_of(3): np.ones((rows, 3)), axis_of("device", "x"): np.tile([1.0, 0.0, 0.0], (rows, 1))}
-    return unknown_functions(signals, directions, {}, waves or {})
+    return unknown_functions(signals, directions, {}, waves)
 
 
 def test_unknown_functions_have_unit_variance_on_the_average():
@@ -76,7 +76,8 @@ def test_an_axis_may_turn_by_waves_that_the_library_has_no_effect_for(by_side):
     rng = np.random.default_rng(9)
     angle, side = rng.uniform(-2.0, 2.0, 80), rng.choice([-1.0, 1.0], 80)
     signals = {Signal(ANGLE, 3): angle} | ({Signal(APPROACH, 3): side} if by_side else {})
-    every = functions_of(signals, {(3, by_side): (4.5, 101.0)})
+    side_of = Signal(APPROACH, 3) if by_side else None
+    every = functions_of(signals, [Wave(3, order, side_of) for order in (4.5, 101.0)])
     found = [each for each in every if each[0].order is not None]
     assert [unknown.order for unknown, _, _ in found] == [4.5, 101.0]
     unknown, response, sizes = found[1]

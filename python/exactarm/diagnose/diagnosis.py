@@ -200,11 +200,12 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     if unconverged or refuted or worse or waves or undecided or sum(gains) < AGAINST:
         verdict = UNEXPLAINED
     drafts = ()
-    if verdict == UNEXPLAINED and problem.drafts and not unconverged:
+    if verdict == UNEXPLAINED and (problem.drafts or problem.unknown_rivals) and not unconverged:
         progress(DRAFTING)
-        drafts, drafted = drafts_of(problem, declared, _without_outdone(problem, declared, last, findings))
-        if causes is None and drafts:
-            unknown = tuple(Structure(draft.effect.title) for draft in drafts)
+        drafts, others, drafted = drafts_of(problem, declared,
+                                            _without_outdone(problem, declared, last, findings))
+        if causes is None and (drafts or others):
+            unknown = tuple(Structure(draft.effect.title) for draft in drafts) + others
             waves = problem.waves(drafted, noise.value if noise.measured else None)
     unknown += waves
     wrong = (last.weight == 0.0) & (first.weight > 0.0)  # rows that an effect of the record leaves out

@@ -27,8 +27,18 @@ from exactarm.diagnose.evidence import Absorbed, Members
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.joint_fit import refit
 from exactarm.diagnose.problem import Problem
-from exactarm.diagnose.signal import ANGLE, APPROACH, DIRECTION, LOAD, POSITION, TIME, TRAVEL, Signal
-from exactarm.diagnose.unknown_axes import unknown_axes
+from exactarm.diagnose.signal import (
+    ANGLE,
+    APPROACH,
+    DIRECTION,
+    LOAD,
+    POSITION,
+    TIME,
+    TRAVEL,
+    Signal,
+    Structure,
+)
+from exactarm.diagnose.unknown_axes import PROBABLE, unknown_axes
 from exactarm.diagnose.vocabulary import vocabulary_of
 from exactarm.effects.axis_units import moves_by
 from exactarm.effects.base import Effect
@@ -40,7 +50,6 @@ MOST_DRAFTS = 3
 _MOST_TERMS, _MOST_SIGNALS = 3, 3
 _LEAST_NATS = 3.0  # of a formula, and of a further term: twenty to one
 _SERIES_COSTS = 5.0  # nats: a short formula up to 150 times less likely is still the one to read and to check
-_PROBABLE = 0.5  # that an unknown function turns the axis, from which it is worth a draft
 _IN_FORMULAS = {ANGLE: "q", TRAVEL: "q", LOAD: "torque", APPROACH: "approach",
                 DIRECTION: "approach"}
 _PARAMETER = re.compile(r"[abcw]\d*(_\d+)?$")  # what a formula of the dictionary calls its parameters
@@ -111,15 +120,16 @@ class Draft:
         return table | {"short_formula": self.short, "suspect": self.suspect, "status": "draft"}
 
 
-def drafts_of(problem: Problem, declared: Layout, last: Fitted) -> tuple[tuple[Draft, ...], Fitted]:
+def drafts_of(problem: Problem, declared: Layout,
+              last: Fitted) -> tuple[tuple[Draft, ...], tuple[Structure, ...], Fitted]:
     """Unknown functions that turn an axis beside the model `last`, the likeliest axis first, each as a
-    formula beside those before it, and the fit with all of them; an axis that no formula describes is
-    left."""
+    formula beside those before it, what no formula describes, and the fit with all formulas; an axis that
+    none describes is left."""
     found: list[Draft] = []
     fitted, seen, left = last, unknown_axes(problem, last), set[int]()
-    while len(found) < MOST_DRAFTS:
+    while problem.drafts and len(found) < MOST_DRAFTS:
         likely = {axis: each[0] for axis, each in seen.likely.items() if axis not in left}
-        if not likely or max(likely.values()) < _PROBABLE:
+        if not likely or max(likely.values()) < PROBABLE:
             break
         axis = max(likely, key=lambda a: likely[a])
         left.add(axis)
@@ -135,7 +145,8 @@ def drafts_of(problem: Problem, declared: Layout, last: Fitted) -> tuple[tuple[D
             fitted = trial
             if not problem.by_posterior:
                 seen = unknown_axes(problem, fitted)
-    return tuple(found), fitted
+    drafted = {draft.effect.joint for draft in found}
+    return tuple(found), tuple(what for axis, what in seen.others if axis not in drafted), fitted
 
 
 def _best_formula(fitted: Fitted, noise, problem: Problem, axis: int,

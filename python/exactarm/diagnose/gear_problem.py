@@ -10,6 +10,7 @@ Searched and fitted on the resampled runs (resampled_run.py); judged on all samp
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -28,21 +29,21 @@ from exactarm.diagnose.resampled_run import resampled_run, with_reading
 from exactarm.diagnose.scan import free_mask
 from exactarm.diagnose.signal import (
     ACCELERATION,
-    ANGLE,
     DIRECTION,
-    LOAD,
     MOTOR_ANGLE,
     SPEED,
-    TRAVEL,
     Direction,
     Signal,
     Structure,
     axis_of,
     measured_of,
+    turn_of,
 )
 from exactarm.diagnose.time_groups import time_groups
+from exactarm.diagnose.unknown import Pattern, Wave
 from exactarm.diagnose.wave_in_time import WaveInTime
 from exactarm.effects.base import Effect
+from exactarm.effects.harmonic_family import declared_orders, searched_orders
 from exactarm.identify.gear_declared import declared_gear_layout, sensor_layout
 from exactarm.identify.gear_fit import fit_gear_runs
 from exactarm.identify.sensor_tone import find_tones, without_tones
@@ -51,6 +52,7 @@ from exactarm.noise.drifting import DriftingNoise
 from exactarm.numerics.regression import Fit
 from exactarm.numerics.signals import typical_step
 from exactarm.robot.robot import Robot
+from exactarm.station import Station
 
 _LEAST_SIGMA = 1e-12
 # RMS beside the floor without lines: 1.00 to 1.03 on clean blind runs (bench/blind, seeds 65000 to 65063,
@@ -81,8 +83,8 @@ class GearProblem(ProblemInTime):
     kind = GEAR_RUN.name
     unit = "rad/s"
     most_waves_in_time = 3
+    unknown_rivals = drafts = True
     repeat_source = "spectrum of the residual without its lines"
-    followed_by_effects = frozenset({ANGLE, TRAVEL, LOAD, DIRECTION, SPEED, ACCELERATION, MOTOR_ANGLE})
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
         self._tones = find_tones(data)
@@ -92,7 +94,7 @@ class GearProblem(ProblemInTime):
         self.resampled, self.record = resampled_run(robot, data, self._records["identification"])
         self._step = typical_step(self.resampled.time[self.record.runs[0]])
         if self.record.encoder_axes:
-            self.unit, self.unknown_rivals, self.drafts = "rad", True, True
+            self.unit = "rad"
 
     def _new_record(self, data: Dataset) -> GearRecord:
         return gear_record(self.robot, data, accelerating=True)
@@ -273,10 +275,36 @@ class GearProblem(ProblemInTime):
     def directions(self, fitted: Fitted) -> dict[Direction, np.ndarray]:
         shape = fitted.residual.shape
         if self.record.encoder_axes:
-            names = [measured_of(axis + 1) for axis in self.record.encoder_axes]
+            names = [replace(measured_of(axis + 1), turns=True) for axis in self.record.encoder_axes]
         else:
             names = [axis_of("sensor", axis) for axis in "xyz"]
         return {name: np.tile(np.eye(shape[1])[k], (shape[0], 1)) for k, name in enumerate(names)}
+
+    def movements(self, fitted: Fitted) -> dict[Direction, Pattern]:
+        """Under a gyroscope an axis that turns further shows by its rate."""
+        found = self.directions(fitted)
+        if not self.record.encoder_axes:
+            turned = fitted.view.transfers[Station.SPRING]
+            for axis in sorted(set(self.record.furthest)):
+                found[turn_of(axis + 1)] = (lambda values, axis=axis: turned([axis], values[:, None, :]))
+        return found
+
+    def unknown_waves(self, fitted: Fitted, effects: Iterable[Effect] = ()) -> list[Wave]:
+        """Those of the declared tables and of effects may change with the time, the load, the speed, a
+        covariate."""
+        found, known = super().unknown_waves(fitted, effects), {DIRECTION, ACCELERATION, MOTOR_ANGLE}
+        if "faster" in self._known_waves:
+            known.add(SPEED)
+        asked = [(int(i), order, 1) for i in np.flatnonzero(fitted.view.moving)
+                 for order in declared_orders(self.robot, i)]
+        for effect in effects:
+            if effect.of_waves and len(effect.values) > 1:
+                searched = searched_orders(self.robot, fitted.view, effect.index)
+                asked.append((effect.index, effect.values[0], max(len(searched), 1)))
+        signals = [signal for signal in self.signals(fitted)
+                   if signal.quantity not in known and not signal.places_axis]
+        return found + [Wave(axis + 1, float(order), by, among) for axis, order, among in dict.fromkeys(asked)
+                        for by in signals if by.axis in (axis + 1, None)]
 
     def error_of_unit_noise(self, fitted: Fitted) -> float:
         errors = self.errors(fitted, self.data)

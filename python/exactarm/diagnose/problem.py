@@ -6,6 +6,7 @@ A problem holds robot and identification data and can fit any layout of effects 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -13,8 +14,8 @@ from exactarm.chain import Layout
 from exactarm.data.dataset import Dataset
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.in_space import InSpace
-from exactarm.diagnose.signal import Direction, Signal, Structure
-from exactarm.diagnose.unknown import AMPLITUDE, unknown_functions
+from exactarm.diagnose.signal import APPROACH, Direction, Signal, Structure
+from exactarm.diagnose.unknown import AMPLITUDE, Pattern, Wave, unknown_functions
 from exactarm.effects import library
 from exactarm.effects.base import Effect
 from exactarm.effects.harmonic_family import orders_by_side, searched_orders
@@ -118,17 +119,32 @@ class Problem(ABC):
         """Patterns (N, m) along which something could move: a unit turn of each joint, each
         component."""
 
+    def movements(self, fitted: Fitted) -> dict[Direction, Pattern]:
+        """What unknown functions may move: `directions`, or what a turn does to a rate."""
+        return self.directions(fitted)
+
     def tilts(self, fitted: Fitted) -> dict[Direction, list[np.ndarray]]:
         """Patterns (N, m), two each, along which what stands behind an axis could bend across it."""
         return {}
 
     def unknown_functions(self, fitted: Fitted):
         """What may be missing that no effect describes: `unknown.unknown_functions`."""
-        known = {cls.turns_by_waves for cls in library().values() if self.shows(cls)}
-        waves = {(int(i) + 1, sign == "other"): orders(self.robot, fitted.view, i)
-                 for sign, orders in (("same", searched_orders), ("other", orders_by_side))
-                 for i in np.flatnonzero(fitted.view.moving) if sign not in known}
-        return unknown_functions(self.signals(fitted), self.directions(fitted), self.tilts(fitted), waves)
+        return unknown_functions(self.signals(fitted), self.directions(fitted), self.tilts(fitted),
+                                 self.unknown_waves(fitted))
+
+    def unknown_waves(self, fitted: Fitted, effects: Iterable[Effect] = ()) -> list[Wave]:
+        """Waves that may turn an axis, where no effect of the library does; `effects`: whose waves are
+        asked about."""
+        found: list[Wave] = []
+        for sign, orders in (("same", searched_orders), ("other", orders_by_side)):
+            for i in np.flatnonzero(fitted.view.moving) if sign not in self._known_waves else ():
+                side = Signal(APPROACH, int(i) + 1) if sign == "other" else None
+                found += [Wave(int(i) + 1, order, side) for order in orders(self.robot, fitted.view, i)]
+        return found
+
+    @property
+    def _known_waves(self) -> set[str]:
+        return {cls.turns_by_waves for cls in library().values() if self.shows(cls)}
 
     @abstractmethod
     def error_of_unit_noise(self, fitted: Fitted) -> float:

@@ -15,7 +15,7 @@ effects of the library compete in the contest (selection.py).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +28,7 @@ from exactarm.diagnose.scan import free_mask, grid, regularised_gain
 from exactarm.diagnose.search import log_prior_of_count
 from exactarm.diagnose.signal import Direction, Signal, Structure
 from exactarm.diagnose.time_groups import time_groups
-from exactarm.diagnose.unknown import AMPLITUDE, Unknown, unknown_functions
+from exactarm.diagnose.unknown import AMPLITUDE, Unknown, Wave, unknown_functions
 from exactarm.diagnose.vocabulary import DESCRIBED, SCALE_WEIGHTS, SCALES, UNKNOWN_MASS, emptied
 from exactarm.effects.base import Effect
 
@@ -66,7 +66,8 @@ def beside_unknown(problem: Problem, steps: list[tuple[Fitted, Effect]],
         own += weight + _log_prior(effect, candidates(before)) + effect.log_odds
         squares = squares_by_piece(left, before.data_numbers, pieces)
     own += log_prior_of_count(len(steps)) - log_prior_of_count(1)
-    found = weigh_unknown(problem, without, count(without), pieces, rivals_of_effects(problem))
+    found = weigh_unknown(problem, without, count(without), pieces, rivals_of_effects(problem),
+                          [effect for _, effect in steps])
     if not found:
         return Beside(1.0, None)
     best = max(found, key=lambda one: one.weight).unknown
@@ -96,19 +97,21 @@ class Weighed:
 
 
 def weigh_unknown(problem: Problem, without: Fitted, count: float, pieces: np.ndarray,
-                  asked: Callable[[Signal, Direction], bool]) -> list[Weighed]:
+                  asked: Callable[[Signal, Direction], bool],
+                  effects: Iterable[Effect] = ()) -> list[Weighed]:
     """Every unknown function of the signals that are asked for along a direction; one direction at a time,
     to save memory."""
-    signals, directions = problem.signals(without), problem.directions(without)
+    signals, directions = problem.signals(without), problem.movements(without)
+    waves = problem.unknown_waves(without, effects)
     device = {along: pattern for along, pattern in directions.items() if along.of_tracker}
     apart = [{name: pattern} for name, pattern in directions.items() if name not in device]
     found, number = [], 0
     for part in (*apart, device):
-        for unknown, response, sizes in _functions(problem, signals, part, asked):
+        for unknown, response, sizes in _functions(problem, signals, part, waves, asked):
             added = _Added.to(without, without.whiten(response))
             weighed = [added.weighed(size, count) for size in sizes]
             left = added.left(max(weighed, key=lambda each: each[0])[1])
-            odds = np.log(DESCRIBED) if unknown.described else 0.0
+            odds = (np.log(DESCRIBED) if unknown.described else 0.0) - np.log(unknown.among)
             found.append((float(np.logaddexp.reduce([weight for weight, *_ in weighed]) + odds), unknown,
                           squares_by_piece(left, without.data_numbers, pieces)))
             number += len(sizes)
@@ -119,10 +122,10 @@ def columns_of_unknown(problem: Problem, without: Fitted, unknown: Unknown,
                        count: float) -> tuple[np.ndarray, np.ndarray]:
     """Whitened columns (R, k) of an unknown function, and the sizes (k,) of their coefficients that are
     likeliest."""
-    part = {along: pattern for along, pattern in problem.directions(without).items()
+    part = {along: pattern for along, pattern in problem.movements(without).items()
             if along == unknown.direction}
     alone = lambda signal, along: signal in unknown.signals
-    made = _functions(problem, problem.signals(without), part, alone)
+    made = _functions(problem, problem.signals(without), part, [unknown.wave] if unknown.wave else [], alone)
     response, sizes = next(each for own, *each in made if own == unknown)
     added = _Added.to(without, without.whiten(response))
     weighed = [(*added.weighed(size, count), size) for size in sizes]
@@ -130,13 +133,13 @@ def columns_of_unknown(problem: Problem, without: Fitted, unknown: Unknown,
     return added.columns, scale * size
 
 
-def _functions(problem: Problem, signals: dict, part: dict,
+def _functions(problem: Problem, signals: dict, part: dict, waves: Iterable[Wave],
                asked: Callable[[Signal, Direction], bool]) -> Iterator[tuple]:
     """(unknown, response (N, m, k), sizes (k,) for each length) along some directions."""
     unit = problem.unknown_size / AMPLITUDE
     wanted = {signal: values for signal, values in signals.items()
               if all(asked(signal, along) for along in part)}
-    for unknown, response, sizes in unknown_functions(wanted, part, {}, {}):
+    for unknown, response, sizes in unknown_functions(wanted, part, {}, waves):
         yield unknown, response, [unit * size for size in sizes]
 
 

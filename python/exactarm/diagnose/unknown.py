@@ -14,6 +14,10 @@ the functions above, each order a function of its own,
 
     g(q) = a sin(o q) + b cos(o q),   a, b ~ N(0, amplitude^2)
 
+and so by a wave that an effect has, or a declared one, whose size changes with another signal s, too:
+
+    g(q, s) = a sin(o q) + b cos(o q) + s (c sin(o q) + d cos(o q))
+
 Functions of two signals: products of few of them; of an axis's angle and its approach: one function, with
 the other sign from the other side. A signal of few values has a level at each of them, all alike likely:
 
@@ -26,7 +30,7 @@ time is no function here: it wanders, slowly or fast, and what its rows share is
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +42,7 @@ from exactarm.diagnose.signal import (
     LOAD,
     PLACE,
     POSITION,
+    SPEED,
     TRACKER,
     TRAVEL,
     Direction,
@@ -45,6 +50,8 @@ from exactarm.diagnose.signal import (
     Structure,
 )
 
+# What is measured of a unit movement (N, m), or (N, m, f) of movements (N, f) where their rate counts
+Pattern = np.ndarray | Callable[[np.ndarray], np.ndarray]
 LENGTHS = (0.4, 1.0, 2.4)  # 0.2, 0.5 and 1.2 of the range [-1, 1]
 _TERMS, _TERMS_OF_TWO = 15, 4
 _HALF_WIDTH = 1.3  # L: at the ends of the range the basis is still free
@@ -56,6 +63,17 @@ _DECIMALS = 9  # of a signal in SI: no device measures a nanoradian; a load of 1
 
 
 @dataclass(frozen=True)
+class Wave:
+    """Of an order, over the angle of an axis (from 1). by: the side, which changes its sign, or a signal that
+    changes its size; among: orders of which the data have chosen this one."""
+
+    axis: int
+    order: float
+    by: Signal | None = None
+    among: int = 1
+
+
+@dataclass(frozen=True)
 class Unknown:
     """Which direction follows which signals; `form`: smooth, wave, of two, by side, tilted, or of
     place."""
@@ -64,10 +82,18 @@ class Unknown:
     signals: tuple[Signal, ...]
     form: str = "smooth"
     order: float | None = None  # of a wave, in waves a turn
+    among: int = 1  # orders, of which it was chosen
 
     @property
     def label(self) -> str:
         return f"{self.direction} by {' and '.join(map(str, self.signals))}"
+
+    @property
+    def wave(self) -> Wave | None:
+        """None of what is none."""
+        if self.order is None or self.direction.axis is None:
+            return None
+        return Wave(self.direction.axis, self.order, *self.signals[1:], among=self.among)
 
     @property
     def described(self) -> bool:
@@ -118,9 +144,9 @@ def _scaled(values: np.ndarray) -> np.ndarray:
 
 
 def unknown_functions(signals: dict, directions: dict, tilts: dict,
-                      waves: dict) -> list[tuple[Unknown, np.ndarray, list[np.ndarray]]]:
+                      waves: Iterable[Wave]) -> list[tuple[Unknown, np.ndarray, list[np.ndarray]]]:
     """(what, response (N, m, k), sizes of the coefficients for each length) of every unknown function worth
-    trying; waves: (axis, whether they change sign with its side) -> orders."""
+    trying."""
     counts = {name: len(np.unique(values.round(_DECIMALS))) for name, values in signals.items()}
     curves = {name: values for name, values in signals.items() if counts[name] >= _LEAST_VALUES}
     levels = {name: levels_of(values) for name, values in signals.items()
@@ -156,25 +182,36 @@ def unknown_functions(signals: dict, directions: dict, tilts: dict,
     return found + _of_two(curves, turns, device) + _of_waves(signals, turns, waves)
 
 
-def _of_waves(signals: dict, turns: dict, waves: dict) -> list:
+def _of_waves(signals: dict, turns: dict, waves: Iterable[Wave]) -> list:
     found = []
-    for (axis, by_side), orders in waves.items():
-        along = next((name for name in turns if name.turns and name.axis == axis), None)
-        place = next((signal for signal in signals if signal.places_axis and signal.axis == axis), None)
-        side = Signal(APPROACH, axis)
-        if along is None or place is None or by_side and side not in signals:
+    for one in waves:
+        order, by = one.order, one.by
+        along = next((name for name in turns if name.turns and name.axis == one.axis), None)
+        place = next((signal for signal in signals if signal.places_axis and signal.axis == one.axis), None)
+        if along is None or place is None or by is not None and by not in signals:
             continue
-        pattern = turns[along] * signals[side][:, None] if by_side else turns[along]
-        for order in orders:
-            unknown = Unknown(along, (place, side) if by_side else (place,), _WAVE, order)
-            turned = order * signals[place]
-            found.append((unknown, _moved([pattern], np.stack([np.sin(turned), np.cos(turned)], axis=1)),
-                          [np.full(2, AMPLITUDE)]))
+        unknown = Unknown(along, (place,) if by is None else (place, by), _WAVE, order, one.among)
+        turned = order * signals[place]
+        wave = np.stack([np.sin(turned), np.cos(turned)], axis=1)
+        if by is not None:
+            changed = wave * _factor(by, signals[by])[:, None]
+            wave = changed if by.quantity == APPROACH else np.concatenate([wave, changed], axis=1)
+        found.append((unknown, _moved([turns[along]], wave), [np.full(wave.shape[1], AMPLITUDE)]))
     return found
 
 
-def _moved(patterns: Sequence[np.ndarray], basis: np.ndarray) -> np.ndarray:
-    """(N, m, k) of every pattern (N, m) times the functions (N, f), one pattern after the other."""
+def _factor(by: Signal, values: np.ndarray) -> np.ndarray:
+    """(N,) of a wave that changes with a signal: its sign by the side, its size by all others, by a speed
+    either way."""
+    if by.quantity == APPROACH:
+        return values
+    return _scaled(np.abs(values) if by.quantity == SPEED else values)
+
+
+def _moved(patterns: Sequence[Pattern], basis: np.ndarray) -> np.ndarray:
+    """(N, m, k) of every pattern times the functions (N, f), one pattern after the other."""
+    if callable(patterns[0]):
+        return np.concatenate([pattern(basis) for pattern in patterns], axis=2)
     product = np.stack(patterns, axis=2)[:, :, :, None] * basis[:, None, None, :]
     return product.reshape(*product.shape[:2], -1)
 

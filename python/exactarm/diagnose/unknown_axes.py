@@ -22,7 +22,7 @@ from exactarm.diagnose.joint_fit import count_of
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.search import log_prior_of_count, search
 from exactarm.diagnose.search_round import alike
-from exactarm.diagnose.signal import Signal
+from exactarm.diagnose.signal import Signal, Structure
 from exactarm.diagnose.something_else import pieces_of, weigh_unknown
 from exactarm.diagnose.vocabulary import vocabulary_of
 from exactarm.noise.estimate import estimate_noise
@@ -30,6 +30,7 @@ from exactarm.noise.model import NoiseModel
 
 _MOST_FUNCTIONS = 6  # searched for at once: twice what is drafted
 _NOISE_PASSES = 2
+PROBABLE = 0.5  # that an unknown function moves something, from which it is told
 _NEAR = 5.0  # nats behind the likeliest function of an axis: what it follows is worth a formula, too
 
 
@@ -48,10 +49,12 @@ class KnownNoise:
 @dataclass(frozen=True)
 class UnknownAxes:
     """likely: axis -> probability that something else turns it, and the signals that it may follow, the
-    likeliest first; noise: of the rows beside it, in the terms of evidence.py."""
+    likeliest first; noise: of the rows beside it, in the terms of evidence.py; others: axis, or None of a
+    device, and what probably moves it, in words."""
 
     noise: NoiseModel | KnownNoise
     likely: dict[int, tuple[float, list[Signal]]]
+    others: tuple[tuple[int | None, Structure], ...] = ()
 
 
 def unknown_axes(problem: Problem, fitted: Fitted) -> UnknownAxes:
@@ -65,17 +68,20 @@ def _in_time(problem: Problem, fitted: Fitted) -> UnknownAxes:
     found = weigh_unknown(problem, fitted, count, pieces_of(problem), lambda signal, along: True)
     first = log_prior_of_count(1) - log_prior_of_count(0)
     total = np.logaddexp(0.0, special.logsumexp([one.weight for one in found]) + first) if found else 0.0
-    by_axis = defaultdict(list)
+    by_direction = defaultdict(list)
     for one in sorted(found, key=lambda one: -one.weight):
         # when something happened in one run says nothing of another one
-        if one.unknown.direction.axis is not None and not any(s.of_time for s in one.unknown.signals):
-            by_axis[one.unknown.direction.axis].append(one)
-    likely = {}
-    for axis, ours in by_axis.items():
+        if not any(signal.of_time for signal in one.unknown.signals):
+            by_direction[one.unknown.direction].append(one)
+    likely, others = {}, []
+    for direction, ours in by_direction.items():
         probability = float(np.exp(special.logsumexp([one.weight for one in ours]) + first - total))
         near = (one.unknown.signals for one in ours if one.weight >= ours[0].weight - _NEAR)
-        likely[axis] = probability, list(dict.fromkeys(s for signals in near for s in signals))
-    return UnknownAxes(noise, likely)
+        if direction.axis is not None:
+            likely[direction.axis] = probability, list(dict.fromkeys(s for signals in near for s in signals))
+        if probability >= PROBABLE:
+            others.append((direction.axis, ours[0].unknown.structure))
+    return UnknownAxes(noise, likely, tuple(others))
 
 
 def _at_rest(problem: Problem, fitted: Fitted) -> UnknownAxes:

@@ -72,7 +72,8 @@ class Effect(ABC):
     repeatable: ClassVar[bool] = False  # several of them may act on one axis (harmonics of different orders)
     log_odds: ClassVar[float] = 0.0  # before any data, beside another cause that would look the same
     of_waves: ClassVar[bool] = False  # a wave over an angle to be searched, or a law of those declared
-    # turns its axis by a wave of any order over its own angle: "same" or "other" sign from the other side
+    # turns its axis by a wave of any order over its own angle: "same" or "other" sign from the other side, or
+    # "faster" the larger
     turns_by_waves: ClassVar[str] = ""
     reverses: ClassVar[bool] = False  # dry friction in the tables: jumps where the motor turns back
     carried: ClassVar[bool] = False  # what the flange carries

@@ -27,6 +27,7 @@ class SpeedDependence(HarmonicFamily):
     smooth = False
     repeatable = False
     of_waves = True
+    turns_by_waves = "faster"
     unit = "_s_per_rad"
     sentence = "the error of gear {joint} changes with its speed"
     source = "thesis 1.1.1, 3.1.2"
