@@ -104,10 +104,10 @@ def judged(record: dict, truth: dict, signals: tuple[str, ...], where: str) -> d
     return {"else": record.get("verdict") == "unexplained", "axis": axis, "signal": signal}
 
 
-def case(folder: Path, kind: str, name: str, seed: int) -> tuple[dict, dict, int] | None:
+def case(folder: Path, kind: str, name: str, first: int) -> tuple[dict, dict, int] | None:
     """One clear case of an effect: record, marks, and the seed after it; None where few seeds give one."""
     whole, drawn = dict(library()), None
-    for seed in range(seed, seed + _TRIES):
+    for seed in range(first, first + _TRIES):
         with contextlib.suppress(RuntimeError):  # an arm or runs that cannot show it
             drawn = SCENARIOS[kind].draw_case(folder / str(seed), seed, ROBOTS, name)
             if drawn.truth["raised"] >= CLEAR:
