@@ -12,7 +12,6 @@ from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.signal import LOAD, TIME, Signal
 from exactarm.diagnose.something_else import beside_unknown
-from exactarm.diagnose.unknown import Wave
 from exactarm.diagnose.verdict import UNEXPLAINED
 from exactarm.effects import library
 from exactarm.effects.gear_harmonics import GearHarmonics
@@ -56,11 +55,29 @@ def test_a_wave_of_a_gear_is_likelier_than_one_that_changes(racer):
 
 
 @pytest.mark.slow
-def test_a_wave_whose_size_changes_with_a_covariate_is_no_wave_of_a_gear(racer):
-    found = share_of_the_wave(racer, runs(racer, (SIZE, 2.0 * SIZE)))
-    assert found.share < 1e-6
-    assert str(found.likeliest) == ("a turn of axis 2 follows the angle of axis 2 and the temperature_degC "
-                                    f"in {ORDER:.4g} waves a turn")
+def test_what_a_wave_of_a_gear_changes_with_is_told_beside_it(racer):
+    result = diagnose(racer, runs(racer, (SIZE, 3.0 * SIZE)))
+    wave, = (finding for finding in result.findings if finding.effect.name == "gear_harmonics")
+    assert wave.effect.values[0] == pytest.approx(ORDER, rel=0.01) and wave.probability > 0.99
+    assert result.verdict == UNEXPLAINED
+    assert [what for what in map(str, result.unknown) if what.startswith(
+        "a turn of axis 2 follows the angle of axis 2 and the temperature_degC in 23")]
+
+
+@pytest.mark.slow
+def test_a_wave_that_grows_with_the_speed_is_no_other_where_the_library_lacks_it(racer, monkeypatch):
+    """The same order at two speeds, twice as large at twice the speed."""
+    parts = []
+    for first, speed in ((1, 40.0), (5, 80.0)):
+        case = GearRuns(2, speed * DEGREE, 4, RATE_HZ, NOISE, seed=9 + first, first_run=first)
+        wave = lambda time, phi, direction, size=SIZE * speed / 40.0: size * np.sin(ORDER * phi) / ORDER
+        parts.append(simulate(racer, case, rest=np.zeros(6), extra=wave))
+    grown = joined(*parts)
+    assert share_of_the_wave(racer, grown).share > 0.99  # the library has the effect that would win
+    monkeypatch.delitem(library(), "speed_dependence")
+    found = share_of_the_wave(racer, grown)
+    assert found.share < 0.01
+    assert "the speed of axis 2 in 23 waves a turn" in str(found.likeliest)
 
 
 @pytest.mark.slow
@@ -90,14 +107,15 @@ def test_a_sensor_that_follows_a_covariate_is_told_with_its_axis(racer, monkeypa
 
 
 @pytest.mark.slow
-def test_waves_that_may_change_are_those_of_an_effect_and_of_the_tables(racer):
-    data = runs(racer)
+def test_waves_that_may_change_are_those_of_the_model(racer):
+    data = runs(racer, (SIZE, SIZE))
     problem = problem_for(racer, data, data.select(np.zeros(len(data), bool)), 1, 0)
-    fitted = problem.fit(problem.declared())
     wave = GearHarmonics.zero(2, (ORDER,))
-    of_tables = problem.unknown_waves(fitted)
-    asked = set(problem.unknown_waves(fitted, [wave])) - set(of_tables)
-    assert {(one.axis, one.order) for one in asked} == {(2, ORDER)}
-    assert {one.by for one in asked} == {Signal(TIME), Signal("temperature_degC"), Signal(LOAD, 2)} & set(
-        problem.signals(fitted))
-    assert all(isinstance(one, Wave) and one.by is not None for one in of_tables)
+    declared = problem.fit(problem.declared())
+    beside = problem.fit(problem.declared().joined(Layout.of((wave,))))
+    asked = lambda fitted, instead=(): {one.by for one in problem.unknown_waves(fitted, instead)
+                                        if abs(one.order - ORDER) < 1.0}
+    others = {Signal(TIME), Signal("temperature_degC"), Signal(LOAD, 2)} & set(problem.signals(declared))
+    assert len(others) >= 2
+    assert asked(declared) == asked(declared, [wave]) == set()
+    assert asked(beside) == others

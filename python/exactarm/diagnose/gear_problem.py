@@ -28,10 +28,12 @@ from exactarm.diagnose.problem_in_time import ProblemInTime
 from exactarm.diagnose.resampled_run import resampled_run, with_reading
 from exactarm.diagnose.scan import free_mask
 from exactarm.diagnose.signal import (
-    ACCELERATION,
+    ANGLE,
     DIRECTION,
+    LOAD,
     MOTOR_ANGLE,
     SPEED,
+    TRAVEL,
     Direction,
     Signal,
     Structure,
@@ -84,6 +86,7 @@ class GearProblem(ProblemInTime):
     unit = "rad/s"
     most_waves_in_time = 3
     unknown_rivals = drafts = True
+    followed_by_effects = frozenset({ANGLE, TRAVEL, LOAD, DIRECTION, MOTOR_ANGLE})
     repeat_source = "spectrum of the residual without its lines"
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
@@ -289,22 +292,21 @@ class GearProblem(ProblemInTime):
                 found[turn_of(axis + 1)] = (lambda values, axis=axis: turned([axis], values[:, None, :]))
         return found
 
-    def unknown_waves(self, fitted: Fitted, effects: Iterable[Effect] = ()) -> list[Wave]:
-        """Those of the declared tables and of effects may change with the time, the load, the speed, a
-        covariate."""
-        found, known = super().unknown_waves(fitted, effects), {DIRECTION, ACCELERATION, MOTOR_ANGLE}
-        if "faster" in self._known_waves:
-            known.add(SPEED)
-        asked = [(int(i), order, 1) for i in np.flatnonzero(fitted.view.moving)
+    def unknown_waves(self, fitted: Fitted, instead: Iterable[Effect] = ()) -> list[Wave]:
+        """A wave may grow with the speed where no effect of the library does; one of the model (declared
+        tables, effects) may change with the time, the load, a covariate."""
+        signals, grow = self.signals(fitted), "faster" not in self._known_waves
+        speeds = [signal for signal in signals if signal.quantity == SPEED and grow]
+        others = [signal for signal in signals if signal.quantity == LOAD or signal.axis is None]
+        chosen = lambda effect: max(len(searched_orders(self.robot, fitted.view, effect.index)), 1)
+        asked = [(int(i), order, 1, speeds + others) for i in np.flatnonzero(fitted.view.moving)
                  for order in declared_orders(self.robot, i)]
-        for effect in effects:
-            if effect.of_waves and len(effect.values) > 1:
-                searched = searched_orders(self.robot, fitted.view, effect.index)
-                asked.append((effect.index, effect.values[0], max(len(searched), 1)))
-        signals = [signal for signal in self.signals(fitted)
-                   if signal.quantity not in known and not signal.places_axis]
-        return found + [Wave(axis + 1, float(order), by, among) for axis, order, among in dict.fromkeys(asked)
-                        for by in signals if by.axis in (axis + 1, None)]
+        for effects, by in ((fitted.layout.effects, speeds + others), (instead, speeds)):
+            asked += [(effect.index, effect.values[0], chosen(effect), by) for effect in effects
+                      if effect.of_waves and not effect.declared and len(effect.values) > 1]
+        return super().unknown_waves(fitted) + [
+            Wave(axis + 1, float(order), signal, among) for axis, order, among, by in asked for signal in by
+            if signal.axis in (axis + 1, None)]
 
     def error_of_unit_noise(self, fitted: Fitted) -> float:
         errors = self.errors(fitted, self.data)

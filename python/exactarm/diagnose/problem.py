@@ -132,9 +132,9 @@ class Problem(ABC):
         return unknown_functions(self.signals(fitted), self.directions(fitted), self.tilts(fitted),
                                  self.unknown_waves(fitted))
 
-    def unknown_waves(self, fitted: Fitted, effects: Iterable[Effect] = ()) -> list[Wave]:
-        """Waves that may turn an axis, where no effect of the library does; `effects`: whose waves are
-        asked about."""
+    def unknown_waves(self, fitted: Fitted, instead: Iterable[Effect] = ()) -> list[Wave]:
+        """Waves that may turn an axis, where no effect of the library does; `instead` of effects that are not
+        in the fit."""
         found: list[Wave] = []
         for sign, orders in (("same", searched_orders), ("other", orders_by_side)):
             for i in np.flatnonzero(fitted.view.moving) if sign not in self._known_waves else ():

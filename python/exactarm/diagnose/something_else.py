@@ -28,7 +28,7 @@ from exactarm.diagnose.scan import free_mask, grid, regularised_gain
 from exactarm.diagnose.search import log_prior_of_count
 from exactarm.diagnose.signal import Direction, Signal, Structure
 from exactarm.diagnose.time_groups import time_groups
-from exactarm.diagnose.unknown import AMPLITUDE, Unknown, Wave, unknown_functions
+from exactarm.diagnose.unknown import AMPLITUDE, Unknown, Wave, functions_of_waves, unknown_functions
 from exactarm.diagnose.vocabulary import DESCRIBED, SCALE_WEIGHTS, SCALES, UNKNOWN_MASS, emptied
 from exactarm.effects.base import Effect
 
@@ -98,11 +98,11 @@ class Weighed:
 
 def weigh_unknown(problem: Problem, without: Fitted, count: float, pieces: np.ndarray,
                   asked: Callable[[Signal, Direction], bool],
-                  effects: Iterable[Effect] = ()) -> list[Weighed]:
+                  instead: Iterable[Effect] = ()) -> list[Weighed]:
     """Every unknown function of the signals that are asked for along a direction; one direction at a time,
     to save memory."""
     signals, directions = problem.signals(without), problem.movements(without)
-    waves = problem.unknown_waves(without, effects)
+    waves = problem.unknown_waves(without, instead)
     device = {along: pattern for along, pattern in directions.items() if along.of_tracker}
     apart = [{name: pattern} for name, pattern in directions.items() if name not in device]
     found, number = [], 0
@@ -139,7 +139,10 @@ def _functions(problem: Problem, signals: dict, part: dict, waves: Iterable[Wave
     unit = problem.unknown_size / AMPLITUDE
     wanted = {signal: values for signal, values in signals.items()
               if all(asked(signal, along) for along in part)}
-    for unknown, response, sizes in unknown_functions(wanted, part, {}, waves):
+    free = [wave for wave in waves
+            if all(wave.by is None or asked(wave.by, along) for along in part if along.axis == wave.axis)]
+    made = unknown_functions(wanted, part, {}, ()) + functions_of_waves(signals, part, free)
+    for unknown, response, sizes in made:
         yield unknown, response, [unit * size for size in sizes]
 
 

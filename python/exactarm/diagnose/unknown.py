@@ -14,9 +14,10 @@ the functions above, each order a function of its own,
 
     g(q) = a sin(o q) + b cos(o q),   a, b ~ N(0, amplitude^2)
 
-and so by a wave that an effect has, or a declared one, whose size changes with another signal s, too:
+and so by a wave whose size changes with another signal s: beside one of the model, or in its place where s
+is a speed
 
-    g(q, s) = a sin(o q) + b cos(o q) + s (c sin(o q) + d cos(o q))
+    g(q, s) = s (a sin(o q) + b cos(o q))
 
 Functions of two signals: products of few of them; of an axis's angle and its approach: one function, with
 the other sign from the other side. A signal of few values has a level at each of them, all alike likely:
@@ -179,14 +180,16 @@ def unknown_functions(signals: dict, directions: dict, tilts: dict,
     found += [(Unknown(along, (signal,), _TILTED), _moved(patterns, few_of(values)), [np.tile(few, 2)])
               for along, patterns in tilts.items()
               for signal, values in curves.items() if signal.quantity == LOAD]
-    return found + _of_two(curves, turns, device) + _of_waves(signals, turns, waves)
+    return found + _of_two(curves, turns, device) + functions_of_waves(signals, directions, waves)
 
 
-def _of_waves(signals: dict, turns: dict, waves: Iterable[Wave]) -> list:
+def functions_of_waves(signals: dict, directions: dict, waves: Iterable[Wave]) -> list:
+    """Those among `unknown_functions` that are waves."""
+    turns = {along: pattern for along, pattern in directions.items() if along.turns}
     found = []
     for one in waves:
         order, by = one.order, one.by
-        along = next((name for name in turns if name.turns and name.axis == one.axis), None)
+        along = next((name for name in turns if name.axis == one.axis), None)
         place = next((signal for signal in signals if signal.places_axis and signal.axis == one.axis), None)
         if along is None or place is None or by is not None and by not in signals:
             continue
@@ -194,18 +197,19 @@ def _of_waves(signals: dict, turns: dict, waves: Iterable[Wave]) -> list:
         turned = order * signals[place]
         wave = np.stack([np.sin(turned), np.cos(turned)], axis=1)
         if by is not None:
-            changed = wave * _factor(by, signals[by])[:, None]
-            wave = changed if by.quantity == APPROACH else np.concatenate([wave, changed], axis=1)
-        found.append((unknown, _moved([turns[along]], wave), [np.full(wave.shape[1], AMPLITUDE)]))
+            wave *= _factor(by, signals[by])[:, None]
+        found.append((unknown, _moved([turns[along]], wave), [np.full(2, AMPLITUDE)]))
     return found
 
 
 def _factor(by: Signal, values: np.ndarray) -> np.ndarray:
-    """(N,) of a wave that changes with a signal: its sign by the side, its size by all others, by a speed
-    either way."""
+    """(N,) of a wave that changes with a signal: its sign by the side, its size with a speed, either way, or
+    with another signal from the middle of its range on: beside a wave of the same order."""
     if by.quantity == APPROACH:
         return values
-    return _scaled(np.abs(values) if by.quantity == SPEED else values)
+    if by.quantity == SPEED:
+        return np.abs(values) / max(float(np.max(np.abs(values))), 1e-300)
+    return _scaled(values)
 
 
 def _moved(patterns: Sequence[Pattern], basis: np.ndarray) -> np.ndarray:
