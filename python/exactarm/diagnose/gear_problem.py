@@ -18,6 +18,7 @@ import numpy as np
 from exactarm.chain import GearRecord, GearRunPrediction, Layout, gear_record, predict_gear_run
 from exactarm.chain.encoder_counts import folded_rounding
 from exactarm.data.dataset import Dataset
+from exactarm.data.even_readings import at_even_readings
 from exactarm.data.kinds import GEAR_RUN
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.next_runs import separating_run
@@ -85,6 +86,7 @@ class GearProblem(ProblemInTime):
     followed_by_effects = frozenset({ANGLE, TRAVEL, LOAD, DIRECTION, SPEED, ACCELERATION, MOTOR_ANGLE})
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
+        data, held_out = at_even_readings(data), at_even_readings(held_out)
         self._tones = find_tones(data)
         data, held_out = without_tones(data, self._tones), without_tones(held_out, self._tones)
         super().__init__(robot, data, held_out, threads, seed)
