@@ -193,11 +193,26 @@ class HarmonicFamily(Effect):
         # d(k w)/dw = k cancels against the k of the divisor, once in each term.
         derivative[:, 0, 0] = (x * slope - error) / order
         inverse = 1.0 / (1.0 + factor * slope)
-        derivative *= -(factor * inverse)[:, None, None]
         by_phi = self.by_own_entry(view, np.where(inside, inverse - 1.0, 0.0))
         by_signal = {name: -(error * inverse)[:, None, None] * row[:, None, :]
                      for name, row in by_factor.items()}
-        return Change((self.index,), (x - phi)[:, None], derivative, {"phi": by_phi} | by_signal)
+        rate = None
+        if view.is_fast(self.index, orders[-1]):
+            turns, grows = np.where(inside, view.signals["phi_dot"][:, self.index], 0.0), view.rate(factor)
+            moves = inverse * (turns - grows * error)
+            bends = -(sine @ (a * orders) + cosine @ (b * orders)) * moves
+            frees = -(inverse**2) * (grows * slope + factor * bends)
+            swings = np.empty_like(derivative)
+            swings[:, 0, 1::2], swings[:, 0, 2::2] = cosine * moves[:, None], -sine * moves[:, None]
+            swings[:, 0, 0] = x * bends / order
+            columns = -(factor * inverse)[:, None, None] * swings
+            columns -= (grows * inverse + factor * frees)[:, None, None] * derivative
+            lifts = -(slope * moves * inverse + error * frees)[:, None, None]
+            rate = Change((self.index,), (moves - turns)[:, None], columns,
+                          {"phi": self.by_own_entry(view, np.where(inside, frees, 0.0))}
+                          | {name: lifts * row[:, None, :] for name, row in by_factor.items()})
+        derivative *= -(factor * inverse)[:, None, None]
+        return Change((self.index,), (x - phi)[:, None], derivative, {"phi": by_phi} | by_signal, rate=rate)
 
     def to_table(self):
         table = super().to_table()
@@ -270,9 +285,16 @@ def growing_error(effect: Effect, view, follows: np.ndarray) -> tuple[Change, np
     size, index = effect.values[0], effect.index
     error = view.theta[:, index] / view.robot.ratios[index] - view.phi[:, index]
     change = -(follows * error)
-    signals = {"phi": effect.by_own_entry(view, size * follows),
-               "theta": effect.by_own_entry(view, -size * follows / view.robot.ratios[index])}
-    return Change((index,), (size * change)[:, None], change[:, None, None], signals), error
+    by_signals = lambda grown: {"phi": effect.by_own_entry(view, size * grown),
+                                "theta": effect.by_own_entry(view, -size * grown / view.robot.ratios[index])}
+    rate = None
+    if view.is_fast(index, view.robot.joints[index].highest_order):
+        turns = view.rate(view.theta[:, index]) / view.robot.ratios[index]
+        grows = view.rate(follows)
+        moves = -(grows * error + follows * (turns - view.signals["phi_dot"][:, index]))
+        rate = Change((index,), (size * moves)[:, None], moves[:, None, None], by_signals(grows))
+    change = Change((index,), (size * change)[:, None], change[:, None, None], by_signals(follows), rate=rate)
+    return change, error
 
 
 def _residual_orders(view, index: int) -> np.ndarray:
