@@ -20,6 +20,7 @@ from exactarm.chain.encoder_counts import folded_rounding
 from exactarm.data.dataset import Dataset
 from exactarm.data.even_readings import at_even_readings
 from exactarm.data.kinds import GEAR_RUN
+from exactarm.diagnose.coloured_noise import NOISE_LAG_S
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.next_runs import separating_run
 from exactarm.diagnose.orthonormal import orthonormal
@@ -46,7 +47,8 @@ from exactarm.diagnose.wave_in_time import WaveInTime
 from exactarm.effects.base import Effect
 from exactarm.identify.gear_declared import declared_gear_layout, sensor_layout
 from exactarm.identify.gear_fit import fit_gear_runs
-from exactarm.identify.sensor_tone import find_tones, without_tones
+from exactarm.identify.sensor_tone import find_tones, hum_at, without_tones
+from exactarm.noise.autocorrelation import lags_within, memory_in
 from exactarm.noise.broadband import broadband_noise, oscillation, strongest_line
 from exactarm.noise.drifting import DriftingNoise
 from exactarm.numerics.regression import Fit
@@ -103,8 +105,12 @@ class GearProblem(ProblemInTime):
         return declared_gear_layout(self.robot, self.resampled, self.record)
 
     def without_wave(self, wave: WaveInTime) -> GearProblem:
-        """The same runs without a wave in time, estimated beside what stands with it."""
+        """The same runs without a wave in time, estimated beside what stands with it; hum of the mains as the
+        tone that it is."""
         record = self._records["identification"]
+        calm = self._without_mains(wave.frequency)
+        if calm is not None:
+            return calm
         parts = [(rows, wave.values(number, record.time[rows])) for number, rows in enumerate(record.runs)]
         robot, threads, seed = self.robot, self.threads, self.seed
         calm = GearProblem(robot, _less(self.data, record, parts), self.held_out, threads, seed)
@@ -117,6 +123,23 @@ class GearProblem(ProblemInTime):
             calm = GearProblem(robot, calm.data, _less(self.held_out, record, parts), threads, seed)
         calm._tones, calm._waves = self._tones, (*self._waves, wave)
         return calm
+
+    def without_hum(self, fitted: Fitted) -> GearProblem | None:
+        floor = self.repeat_noise(fitted)
+        line = None if floor is None else self._line_left(fitted, floor * self.error_of_unit_noise(fitted))
+        return None if line is None else self._without_mains(line)
+
+    def _without_mains(self, hertz: float) -> GearProblem | None:
+        """The same runs without the mains, where these are what stands at a frequency, within what the runs
+        resolve; None where they are not, or were taken out already."""
+        record = self._records["identification"]
+        tone = None if record.encoder_axes else hum_at(hertz, self.data)
+        if tone is None or tone.frequency in [known.frequency for known in self._tones]:
+            return None
+        calm, held_out = (without_tones(data, (tone,)) for data in (self.data, self.held_out))
+        problem = GearProblem(self.robot, calm, held_out, self.threads, self.seed)
+        problem._tones, problem._waves = (*self._tones, tone), self._waves
+        return problem
 
     def fit(self, layout: Layout, weight: np.ndarray | None = None,
             sigma: np.ndarray | None = None) -> Fitted:
@@ -280,6 +303,18 @@ class GearProblem(ProblemInTime):
             names = [axis_of("sensor", axis) for axis in "xyz"]
         return {name: np.tile(np.eye(shape[1])[k], (shape[0], 1)) for k, name in enumerate(names)}
 
+    def memory_along(self, fitted: Fitted, columns: np.ndarray, direction: np.ndarray) -> float:
+        """A gyroscope's slow noise follows the time, and the speed of a few passes. Its colour is that of
+        what the columns leave, and that of the other components as they stand, which errors of the moving
+        axis hardly reach."""
+        left = fitted.whitened[: fitted.data_numbers].reshape(fitted.residual.shape)
+        lags = lags_within(self.record.runs, NOISE_LAG_S, self._step)
+        basis, own = orthonormal(columns * self.record.keep[:, None]), np.any(direction != 0.0, axis=0)
+        along = np.sum(left * direction, axis=1)
+        memory = lambda noise: memory_in(basis, noise, self.record.runs, lags)
+        others = float(np.mean([memory(noise) for noise in left[:, ~own].T] or [1.0]))
+        return max(fitted.noise.share * max(memory(along - basis @ (basis.T @ along)), others), 1.0)
+
     def error_of_unit_noise(self, fitted: Fitted) -> float:
         errors = self.errors(fitted, self.data)
         return float(np.sqrt(np.nanmean(errors**2)))
@@ -316,17 +351,23 @@ class GearProblem(ProblemInTime):
         return out if floor is None else out + self._waves_left(fitted, floor)
 
     def _waves_left(self, fitted: Fitted, floor: float) -> tuple[Structure, ...]:
+        hertz = self._line_left(fitted, floor)
+        if hertz is None:
+            steady = any(oscillation(column) for column in self._pieces(fitted))
+            return (Structure("an oscillation whose size is steady stands in its noise"),) if steady else ()
+        return (Structure(f"waves stand out of its noise, the highest at {hertz:.3g} Hz", hertz=hertz),)
+
+    def _line_left(self, fitted: Fitted, floor: float) -> float | None:
+        """Frequency in Hz of the highest line, where lines stand out of the noise."""
         pieces = self._pieces(fitted)
         rms = np.sqrt(np.mean(np.concatenate([piece for column in pieces for piece in column]) ** 2))
         rows = sum(piece.size for piece in pieces[0])
         if floor * (_LINES + _SCATTER / np.sqrt(rows)) > rms:
-            steady = any(oscillation(column) for column in pieces)
-            return (Structure("an oscillation whose size is steady stands in its noise"),) if steady else ()
+            return None
         worst = max(pieces, key=lambda column: sum(float(np.sum(piece**2)) for piece in column))
         step = float(np.median([typical_step(self.data.time[rows])
                                 for rows in self._records["identification"].runs]))
-        hertz = strongest_line(worst, step)
-        return (Structure(f"waves stand out of its noise, the highest at {hertz:.3g} Hz", hertz=hertz),)
+        return strongest_line(worst, step)
 
     def _pieces(self, fitted: Fitted) -> list[list[np.ndarray]]:
         """The unfiltered residual without gaps, of each component."""
