@@ -30,6 +30,7 @@ _LEAST_ORDER, _BELOW_SEARCH = 0.2, 0.8
 _MOST_MULTIPLES = 2  # of an element whose order was searched
 _MOTOR_MULTIPLES = (1.0, 2.0)  # that motions are searched for
 _REFINED, _BESIDE = 3, (-0.5, -0.25, 0.25, 0.5)  # peaks, and steps in cells of resolution
+_LEAST_WHOLE, _SLOW_PASSES = 3.0, 3.0  # 1 and 2 are a run-out; waves in the range
 _CURVE_KNEE = 25.0  # order above which the amplitudes of a gear or encoder curve fall (cycles per revolution)
 # lower orders are run-outs, no larger than what falls from here on: on part of a turn, wider ones would
 # imitate geometry and springs
@@ -256,6 +257,21 @@ def searched_orders(robot, view, index: int, lowest: float = 3.0) -> tuple[float
     if slides(robot, index + 1):  # only the screw or pinion is known; what is slower is a guide_error
         orders = orders[np.isin(orders, motor_orders(robot, orders, index))]
     return tuple(o for o in orders if np.all(np.abs(declared - o) > 0.5))
+
+
+def slow_orders(robot, view, index: int) -> tuple[float, ...]:
+    """Whole orders of axis `index` of which one to three waves lie in the range of a gear run: no spectrum
+    over the angle, levelled and windowed, shows them."""
+    if view.device is not Device.GEAR or not view.moving[index]:
+        return ()
+    kept = [rows[view.keep[rows]] for rows, axis in view.moving_runs
+            if axis == index or view.data.gyro is None]
+    longest = max((np.ptp(view.phi[rows, index]) for rows in kept if rows.size), default=0.0)
+    if longest == 0.0:
+        return ()
+    cell = 2.0 * np.pi / longest
+    orders = np.arange(np.ceil(max(cell, _LEAST_WHOLE)), _SLOW_PASSES * cell)
+    return tuple(o for o in orders if np.all(np.abs(declared_orders(robot, index) - o) > 0.5))
 
 
 def orders_by_side(robot, view, index: int) -> tuple[float, ...]:
