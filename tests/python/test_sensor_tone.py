@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 
 from exactarm.data.dataset import Dataset
 from exactarm.identify.evaluate import evaluate_gear_runs
-from exactarm.identify.sensor_tone import find_tones, mains_near, without_tones
+from exactarm.identify.sensor_tone import find_tones, hum_at, mains_near, without_tones
 from rigid_arm import rigid
 
 RATE_HZ, NOISE = 400.0, 8e-4
@@ -61,6 +61,14 @@ def test_short_rests_know_the_mains():
         return float(np.std(without_tones(data, tones).gyro - calm.gyro) / np.std(data.gyro - calm.gyro))
 
     assert left(50.01) < 0.25 and left(119.95) < 0.25
+
+
+def test_hum_has_the_size_that_whole_runs_show():
+    """A line of a gear near 100 Hz was called hum, and what was taken out there was noise."""
+    assert hum_at(80.0, runs(4)) is None
+    sizes = [np.linalg.norm(hum_at(50.1, runs(4, tone=(50.0, size))).amplitude) for size in (NOISE, 0.0)]
+    assert sizes[0] == pytest.approx(NOISE * np.linalg.norm([0.6, -0.8, 0.3]), rel=0.15)
+    assert sizes[1] < 0.15 * NOISE
 
 
 @pytest.mark.parametrize(("frequency", "sampling_hz", "mains"), [

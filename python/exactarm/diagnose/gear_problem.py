@@ -108,7 +108,7 @@ class GearProblem(ProblemInTime):
         """The same runs without a wave in time, estimated beside what stands with it; hum of the mains as the
         tone that it is."""
         record = self._records["identification"]
-        calm = self._without_mains(wave.frequency)
+        calm = self._without_mains(wave.frequency, 0.5 * wave.size**2)
         if calm is not None:
             return calm
         parts = [(rows, wave.values(number, record.time[rows])) for number, rows in enumerate(record.runs)]
@@ -126,15 +126,16 @@ class GearProblem(ProblemInTime):
 
     def without_hum(self, fitted: Fitted) -> GearProblem | None:
         floor = self.repeat_noise(fitted)
-        line = None if floor is None else self._line_left(fitted, floor * self.error_of_unit_noise(fitted))
-        return None if line is None else self._without_mains(line)
+        unit = self.error_of_unit_noise(fitted)
+        line = None if floor is None else self._line_left(fitted, floor * unit)
+        return None if line is None else self._without_mains(line, unit**2 * (1.0 - floor**2))
 
-    def _without_mains(self, hertz: float) -> GearProblem | None:
+    def _without_mains(self, hertz: float, power: float) -> GearProblem | None:
         """The same runs without the mains, where these are what stands at a frequency, within what the runs
-        resolve; None where they are not, or were taken out already."""
+        resolve, and most of a power (mean square of all components); None where they are not."""
         record = self._records["identification"]
         tone = None if record.encoder_axes else hum_at(hertz, self.data)
-        if tone is None or tone.frequency in [known.frequency for known in self._tones]:
+        if tone is None or np.sum(tone.amplitude**2) < power:  # half of them is the tone's own power
             return None
         calm, held_out = (without_tones(data, (tone,)) for data in (self.data, self.held_out))
         problem = GearProblem(self.robot, calm, held_out, self.threads, self.seed)
