@@ -68,7 +68,8 @@ def test_hum_has_the_size_that_whole_runs_show():
     assert hum_at(80.0, runs(4)) is None
     sizes = [np.linalg.norm(hum_at(50.1, runs(4, tone=(50.0, size))).amplitude) for size in (NOISE, 0.0)]
     assert sizes[0] == pytest.approx(NOISE * np.linalg.norm([0.6, -0.8, 0.3]), rel=0.15)
-    assert sizes[1] < 0.15 * NOISE
+    # of white noise the band of 0.3 s holds step / (2 sqrt(pi) 0.3 s) = 0.0024 of each variance: 0.17 NOISE
+    assert sizes[1] < 0.2 * NOISE
 
 
 @pytest.mark.parametrize(("frequency", "sampling_hz", "mains"), [
