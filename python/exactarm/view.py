@@ -24,6 +24,7 @@ from exactarm.rest_load import RestLoad
 from exactarm.robot.robot import Placement, Robot
 from exactarm.station import Station
 
+_FAST_RAD = 0.4  # differences of eighth order show 1 - 1.1e-6 of a wave that turns so far in a step
 SIGN_WIDTH_RAD_S = 0.02  # output side; a robot that moves at all moves ten times as fast
 # (columns of the station's signal, derivative (N, c, k)) -> what it does to the measurement, (N, m, k).
 Transfer = Callable[[tuple[int, ...], np.ndarray], np.ndarray]
@@ -46,6 +47,11 @@ class View:
     changes: dict[int, tuple[Any, Any, dict[str, np.ndarray]]] = field(default_factory=dict, init=False)
     # of time series: what a residual (N, m) says of each moving axis, (N, n)
     by_axis: Callable[[np.ndarray], np.ndarray] | None = None
+    # of gear runs under a gyroscope (chain/wave_rates.py): d/dt of a signal (N, ...) by differences between
+    # samples, rad (n,) that a gear turns at most from one to the next, what rates behind gears do
+    rate: Callable[[np.ndarray], np.ndarray] | None = None
+    turned_in_a_step: np.ndarray | None = None
+    from_rate: Transfer | None = None
     # of touches: what displacements of the target (N, 6, k) do to the numbers that are read, (N, m, k)
     through: Callable[[np.ndarray], np.ndarray] | None = None
 
@@ -211,7 +217,14 @@ class View:
         out.
         """
         change = effect.change(self)
+        if change.rate is not None and self.from_rate is not None:
+            return self.from_rate(change.columns, change.rate.by_parameters)
         return self.transfers[effect.station](change.columns, change.by_parameters)
+
+    def is_fast(self, index: int, order: float) -> bool:
+        """Whether rates are read, and a wave of so many cycles per turn of an axis (from 0) passes faster
+        than differences between samples follow."""
+        return self.turned_in_a_step is not None and order * self.turned_in_a_step[index] > _FAST_RAD
 
     def shown(self, displacement: np.ndarray) -> np.ndarray:
         """(N, m, k) what displacements of the target (N, 6, k) do to the numbers that are read."""

@@ -157,7 +157,8 @@ def test_curve_keeps_its_end_where_nothing_was_measured():
     curve = GearHarmonics(1, (1.0, 1e-3, 2e-3, -1e-3, 5e-4), seen=(-0.5, 1.0))
     free = replace(curve, seen=None)
     angles = np.array([0.3, 0.3 + 2.0 * np.pi, 1.0, 2.0, -0.5, -1.2, 5.0])
-    at = lambda effect, phi: effect.change(SimpleNamespace(phi=phi[:, None], rows=phi.size, axes=1))
+    at = lambda effect, phi: effect.change(SimpleNamespace(
+        phi=phi[:, None], rows=phi.size, axes=1, is_fast=lambda *wave: False))
     value, slope = at(curve, angles).value[:, 0], at(curve, angles).by_signal["phi"][:, 0, 0]
     expected = at(free, np.array([0.3, 0.3, 1.0, 1.0, -0.5, -0.5, -0.5])).value[:, 0]
     np.testing.assert_allclose(value, expected, atol=1e-12)

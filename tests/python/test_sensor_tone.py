@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 
 from exactarm.data.dataset import Dataset
 from exactarm.identify.evaluate import evaluate_gear_runs
-from exactarm.identify.sensor_tone import find_tones, without_tones
+from exactarm.identify.sensor_tone import find_tones, hum_at, mains_near, without_tones
 from rigid_arm import rigid
 
 RATE_HZ, NOISE = 400.0, 8e-4
@@ -50,6 +50,33 @@ def test_a_tone_is_found_with_its_frequency_and_size(frequency):
     assert [tone.frequency for tone in tones] == [pytest.approx(frequency, abs=0.3)]
     size = NOISE * np.linalg.norm([0.6, -0.8, 0.3])
     assert np.linalg.norm(tones[0].amplitude) == pytest.approx(size, rel=0.15)
+
+
+def test_short_rests_know_the_mains():
+    """A quarter of a second tells 50 Hz from 51 only beside the whole runs; without, most of it was left."""
+    def left(hertz: float) -> float:
+        data, calm = (runs(3, tone=(hertz, size), ends=slice(60, None)) for size in (4.0 * NOISE, 0.0))
+        tones = find_tones(data)
+        assert [tone.frequency for tone in tones] == [pytest.approx(hertz, abs=2.0)]
+        return float(np.std(without_tones(data, tones).gyro - calm.gyro) / np.std(data.gyro - calm.gyro))
+
+    assert left(50.01) < 0.25 and left(119.95) < 0.25
+
+
+def test_hum_has_the_size_that_whole_runs_show():
+    """A line of a gear near 100 Hz was called hum, and what was taken out there was noise."""
+    assert hum_at(80.0, runs(4)) is None
+    sizes = [np.linalg.norm(hum_at(50.1, runs(4, tone=(50.0, size))).amplitude) for size in (NOISE, 0.0)]
+    assert sizes[0] == pytest.approx(NOISE * np.linalg.norm([0.6, -0.8, 0.3]), rel=0.15)
+    # of white noise the band of 0.3 s holds step / (2 sqrt(pi) 0.3 s) = 0.0024 of each variance: 0.17 NOISE
+    assert sizes[1] < 0.2 * NOISE
+
+
+@pytest.mark.parametrize(("frequency", "sampling_hz", "mains"), [
+    (50.1, 1000.0, 50.0), (149.8, 1000.0, 150.0), (20.0, 120.0, 100.0), (57.0, 1000.0, None),
+    (26.0, 400.0, None)])
+def test_the_mains_are_known_folded_too(frequency, sampling_hz, mains):
+    assert mains_near(frequency, 0.3, sampling_hz) == mains
 
 
 def test_noise_alone_has_no_tone():

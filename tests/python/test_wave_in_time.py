@@ -10,6 +10,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from exactarm.data.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
+from exactarm.diagnose.verdict import NOTHING
 from exactarm.numerics.signals import gaussian_filter
 from exactarm.robot_file import load_robot
 
@@ -24,7 +25,7 @@ def racer():
     return replace(robot, links=None, joints=tuple(replace(j, cw=None, ccw=None) for j in robot.joints))
 
 
-def one_speed(robot, *, gear=False, shakes=None):
+def one_speed(robot, *, gear=False, shakes=None, hertz=SHAKE_HZ):
     """Runs to one side and back at SPEED; shakes: phases (RUNS,) of a floor that shakes, and how fast its
     size changes in Hz."""
     random = np.random.default_rng(7)
@@ -39,7 +40,7 @@ def one_speed(robot, *, gear=False, shakes=None):
         gyro[:, 2] += rate * (1.0 + gear * RIPPLE_RAD * ORDER * np.cos(ORDER * output))
         if shakes is not None:
             phase, swell_hz = shakes
-            wave = np.sin(2.0 * np.pi * SHAKE_HZ * time + phase[run]) * np.cos(2.0 * np.pi * swell_hz * time)
+            wave = np.sin(2.0 * np.pi * hertz * time + phase[run]) * np.cos(2.0 * np.pi * swell_hz * time)
             gyro += SHAKE * wave[:, None] * np.array([0.3, -0.2, 0.9])
         parts.append((theta, gyro, time, np.full(time.size, run + 1)))
     theta, gyro, time, run = map(np.concatenate, zip(*parts))
@@ -66,6 +67,14 @@ def test_one_whose_size_changes_is_no_gear(racer):
     result = diagnose(racer, one_speed(racer, shakes=(own, 0.15)))
     assert result.verdict == "unexplained" and result.findings == ()
     assert_allclose(frequency_told(result), SHAKE_HZ, atol=0.25)
+
+
+@pytest.mark.slow
+def test_hum_of_the_mains_is_told_and_explains_itself(racer):
+    """No rest shows it; in phase with every run, it imitates a gear."""
+    result = diagnose(racer, one_speed(racer, shakes=(np.zeros(RUNS), 0.0), hertz=50.02))
+    assert result.verdict == NOTHING and result.findings == ()
+    assert any("hum of the mains at 50 Hz" in text for text in result.left_out)
 
 
 def waves_of_the_gear(result):

@@ -26,6 +26,7 @@ from exactarm.chain.propagate import acts
 from exactarm.chain.run_tangents import Recorded, device_map, joint_tangents, moved
 from exactarm.chain.sensor_link import sensor_rates
 from exactarm.chain.spring import declared_deflection
+from exactarm.chain.wave_rates import TangentsBeyond, beyond_values, prepare
 from exactarm.data.dataset import Dataset
 from exactarm.effects.base import Station
 from exactarm.effects.drive import smooth_sign
@@ -70,8 +71,10 @@ def predict_gear_run(robot: Robot, layout: Layout, data: Dataset, *, record: Gea
     robot = layout.baked(robot)
     view = record.view(robot, data, threads)
     nominal = record.theta / robot.ratios + robot.offsets
-    passed = _joint_angles(view, layout, tangents)
+    passed, declared = _joint_angles(view, layout, tangents, None if record.encoder_axes else record)
     view.signals["q_dot"] = record.rate(view.q)
+    if not record.encoder_axes:
+        view.signals["q_dot"] += beyond_values(view, declared, passed, record.rate)
     if record.encoder_axes:
         weights = np.zeros((view.rows, len(record.encoder_axes), view.axes))
         weights[:, np.arange(len(record.encoder_axes)), record.encoder_axes] = 1.0
@@ -88,7 +91,9 @@ def predict_gear_run(robot: Robot, layout: Layout, data: Dataset, *, record: Gea
                     else partial(_on_moving_axis, view.sensor_axis, along, view.axes))
     view = view.leaving(observed - view.measured)
     jacobian = _jacobian(view, layout, record, passed, weights) if tangents else None
-    view.transfers = _transfers(view, record, device @ weights)
+    onto = device @ weights
+    view.transfers = _transfers(view, record, onto)
+    view.from_rate = lambda columns, rates: onto[:, :, list(columns)] @ rates
     return GearRunPrediction(view.measured, observed, jacobian, along, view)
 
 
@@ -106,13 +111,19 @@ def _pass(view: View, layout: Layout, station: Station, signal: str, passed: lis
             passed.append(Recorded(index, station, change, layout))
 
 
-def _joint_angles(view: View, layout: Layout, derivatives: bool) -> list[Recorded]:
-    """Fills theta, phi, torque, q; returns the changes of the last pass."""
+def _joint_angles(view: View, layout: Layout, derivatives: bool,
+                  rated: GearRecord | None) -> tuple[list[Recorded], np.ndarray]:
+    """Fills theta, phi, torque, q; returns the changes of the last pass and the angles (N, n) behind the
+    declared gears. rated: the record, where rates are read."""
     first: list[Recorded] = []
     _pass(view, layout, Station.MOTOR, "theta", first)
     declared, slope = declared_output_angle(view)
     view.signals["gear_slope"] = slope
     view.signals["q"] = declared + view.robot.offsets
+    if rated is not None:
+        view.signals["phi"] = declared
+        steps = [typical_step(rated.time[rows]) for rows in rated.runs if rows.size > 1]
+        prepare(view, rated.rate, max(steps, default=0.0), bool(first))
     load = None if view.has_masses else _measured_load(view)
     settled = False
     for _ in range(_FIXED_POINT_PASSES):
@@ -132,7 +143,7 @@ def _joint_angles(view: View, layout: Layout, derivatives: bool) -> list[Recorde
         settled = np.max(np.abs(view.q - before), initial=0.0) < _FIXED_POINT_TOLERANCE_RAD
         if settled and not derivatives:
             break
-    return passed
+    return passed, declared
 
 
 def _measured_load(view: View) -> np.ndarray:
@@ -182,8 +193,11 @@ def _jacobian(view: View, layout: Layout, record: GearRecord, passed: list[Recor
     jacobian = np.zeros((view.rows, components, size))
     for number, rows in enumerate(record.runs):
         reading: dict[int, np.ndarray] = {}
-        for axis, tangent in joint_tangents(view, layout, passed, rows).items():
-            rate = tangent if record.encoder_axes else record.run_rate(number, tangent)
+        rate_of = partial(record.run_rate, number)
+        beyond = None if record.encoder_axes else TangentsBeyond(view, rows, rate_of)
+        for axis, tangent in joint_tangents(view, layout, passed, rows, beyond).items():
+            rate = tangent if beyond is None else rate_of(tangent)
+            rate = rate + beyond.by_axis[axis] if beyond is not None and axis in beyond.by_axis else rate
             for component in np.flatnonzero(np.any(weights[rows, :, axis] != 0.0, axis=0)):
                 part = weights[rows, component, axis, None] * rate
                 reading[component] = reading[component] + part if component in reading else part
@@ -205,7 +219,11 @@ def _transfers(view: View, record: GearRecord, weights: np.ndarray) -> dict:
         return weights[:, :, list(columns)] @ moved
 
     def motor(columns, derivative):
-        return joint(columns, derivative * view.signals["gear_slope"][:, list(columns), None])
+        slope = view.signals["gear_slope"][:, list(columns), None]
+        if record.encoder_axes:
+            return joint(columns, derivative * slope)
+        bends = view.signals["gear_slope_dot"][:, list(columns), None]
+        return weights[:, :, list(columns)] @ (slope * record.rate(derivative) + bends * derivative)
 
     def load(columns, derivative):
         return joint(columns, derivative * by_torque[:, list(columns), None])

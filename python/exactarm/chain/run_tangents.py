@@ -5,7 +5,11 @@ The load is an unknown of the fixed point q(torque(q)), as in static poses:
     (I - B G) T_q = T_0 + B T_L,    B = dq/dtorque, G = dg/dq, T_L = direct tangent of the load.
 """
 
+from __future__ import annotations
+
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -33,6 +37,16 @@ class Recorded:
 
 # Tangents by signal, by column of the signal: (R, P), absent where zero. Most axes do not move.
 Tangents = dict[str, dict[int, np.ndarray]]
+
+
+class Beyond(Protocol):
+    """Sees the tangents of the angles before every change of them (chain/wave_rates.py)."""
+
+    def behind_gears(self, tangents: Tangents) -> None: ...
+
+    def behind_effect(self, tangents: Tangents, recorded: Recorded, size: int) -> None: ...
+
+    def by_loads(self, effects: list[Recorded], load: Callable[[int], np.ndarray]) -> None: ...
 
 
 def moved(tangents: Tangents, signal: str, recorded: Recorded, rows: slice | np.ndarray, size: int) -> None:
@@ -70,9 +84,10 @@ def device_map(view: View, passed: list[Recorded]) -> np.ndarray:
     return total
 
 
-def joint_tangents(view: View, layout: Layout, passed: list[Recorded],
-                   rows: np.ndarray) -> dict[int, np.ndarray]:
-    """Tangents of q by axis, (R, P), on the rows of one run."""
+def joint_tangents(view: View, layout: Layout, passed: list[Recorded], rows: np.ndarray,
+                   beyond: Beyond | None = None) -> dict[int, np.ndarray]:
+    """Tangents of q by axis, (R, P), on the rows of one run; beyond: filled with what differences do not show
+    of their rates."""
     at = lambda station: (recorded for recorded in passed if recorded.station == station)
     size, slope, spring = layout.size, view.signals["gear_slope"][rows], view.signals["spring_slope"][rows]
     tangents: Tangents = {"theta": {}, "torque": {}}
@@ -81,7 +96,7 @@ def joint_tangents(view: View, layout: Layout, passed: list[Recorded],
     for recorded in at(Station.LOAD):
         moved(tangents, "torque", recorded, rows, size)
     tangents["phi"] = {axis: slope[:, [axis]] * tangent for axis, tangent in tangents["theta"].items()}
-    _to_joints(tangents, at, rows, size, spring)
+    _to_joints(tangents, at, rows, size, spring, beyond)
     if not view.has_masses or not tangents["q"]:
         return tangents["q"]
     n, by_torque = view.axes, np.zeros((rows.size, view.axes, view.axes))
@@ -100,12 +115,20 @@ def joint_tangents(view: View, layout: Layout, passed: list[Recorded],
         for other in np.flatnonzero(np.any(feedback[:, :, axis] != 0.0, axis=0)):
             part = feedback[:, other, axis, None] * tangent
             q[other] = q[other] + part if other in q else part
+    if beyond is not None:
+        beyond.by_loads(list(at(Station.GEAR)), lambda axis: sum(
+            gravity[:, axis, other, None] * tangent for other, tangent in q.items()))
     return q
 
 
-def _to_joints(tangents: Tangents, at, rows: np.ndarray, size: int, spring: np.ndarray) -> None:
+def _to_joints(tangents: Tangents, at, rows: np.ndarray, size: int, spring: np.ndarray,
+               beyond: Beyond | None = None) -> None:
     """From phi and torque to q: gear effects, declared springs, what else gives way."""
+    if beyond is not None:
+        beyond.behind_gears(tangents)
     for recorded in at(Station.GEAR):
+        if beyond is not None:
+            beyond.behind_effect(tangents, recorded, size)
         moved(tangents, "phi", recorded, rows, size)
     q = dict(tangents["phi"])
     for axis, tangent in tangents["torque"].items():

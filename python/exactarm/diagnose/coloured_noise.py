@@ -27,7 +27,7 @@ from exactarm.diagnose.scan import Candidate, linear_columns, log_evidence, scan
 from exactarm.noise.autocorrelation import autocorrelation, lags_within
 from exactarm.noise.drifting import DriftingNoise
 
-_LAG_S = 1.0
+NOISE_LAG_S = 1.0
 _SHORT_S, _SHORT_LAGS = 0.15, 3
 _ANEW = 0.5  # estimated anew when the square sum of the residual has fallen to this share
 _STRONGEST, _PAIRED = 10, 5  # candidates
@@ -121,7 +121,7 @@ def _added(basis: np.ndarray, columns: np.ndarray) -> np.ndarray:
 
 
 def _share_of(noise: np.ndarray, runs: Sequence[np.ndarray], step: float) -> float:
-    lags = lags_within(runs, _LAG_S, step)
+    lags = lags_within(runs, NOISE_LAG_S, step)
     taper = 1.0 - np.arange(1, lags + 1) / (lags + 1)
     sums = [autocorrelation(noise[:, a], runs, lags)[1:] @ taper for a in range(noise.shape[1])]
     return float(np.mean([1.0 / max(1.0 + 2.0 * total, 1.0) for total in sums]))

@@ -157,9 +157,10 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     selection, causes = _search(problem, declared, progress)
     for _ in range(problem.most_waves_in_time):
         wave = wave_instead(problem, selection, len(declared.effects))
-        if wave is None:
+        calm = problem.without_hum(selection.fits[-1]) if wave is None else problem.without_wave(wave)
+        if calm is None:
             break
-        problem = problem.without_wave(wave)
+        problem = calm
         declared = problem.declared()
         selection, causes = _search(problem, declared, progress)
     declared = Layout(declared.effects, selection.fits[0].layout.free)

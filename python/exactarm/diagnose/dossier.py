@@ -69,7 +69,8 @@ def dossier(problem: Problem, fitted: Fitted) -> Dossier:
     for signal, bins in columns.items():
         if bins.shape[1] < 2:
             continue
-        entries = [_test(products_of(bins), square, freedom) for products_of in along]
+        entries = [_test(products_of(bins), square, freedom, problem.memory_along(fitted, bins, direction))
+                   for products_of, direction in zip(along, directions.values())]
         (p, share), name = min(zip(entries, directions), key=lambda each: (each[0][0], -each[0][1]))
         found.append(Follows(signal, name, share, min(1.0, p * tests)))
     order = sorted(found, key=lambda f: (f.p_value, -f.share))
@@ -90,8 +91,9 @@ def _effective(problem: Problem, fitted: Fitted) -> float:
         np.count_nonzero(fitted.whitened[: fitted.data_numbers]))
 
 
-def _test(products: Products, square: float, freedom: float) -> tuple[float, float]:
-    """p-value and share of the square sum of the residual that these columns explain."""
+def _test(products: Products, square: float, freedom: float, memory: float) -> tuple[float, float]:
+    """p-value and share of the square sum of the residual that these columns explain; memory: how many times
+    more of it than of white noise falls on them by chance."""
     values, vectors = np.linalg.eigh(products.normal)
     keep = values > 1e-6 * max(float(np.max(products.square, initial=0.0)), 1e-300)
     rank = int(keep.sum())
@@ -99,7 +101,7 @@ def _test(products: Products, square: float, freedom: float) -> tuple[float, flo
         return 1.0, 0.0
     explained = float(np.sum((vectors[:, keep].T @ products.onto) ** 2 / values[keep]))
     # Correlated samples count as fewer: the same shares with the effective number of them.
-    f = (explained / rank) / max((square - explained) / (freedom - rank), 1e-300)
+    f = (explained / rank) / max((square - explained) / (freedom - rank), 1e-300) / memory
     return float(special.fdtrc(rank, freedom - rank, f)), explained / square
 
 

@@ -19,7 +19,10 @@ import numpy as np
 from exactarm.chain import GearRecord, GearRunPrediction, Layout, gear_record, predict_gear_run
 from exactarm.chain.encoder_counts import folded_rounding
 from exactarm.data.dataset import Dataset
+from exactarm.data.even_readings import at_even_readings
 from exactarm.data.kinds import GEAR_RUN
+from exactarm.diagnose.changing_waves import changing_waves
+from exactarm.diagnose.coloured_noise import NOISE_LAG_S
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.next_runs import separating_run
 from exactarm.diagnose.orthonormal import orthonormal
@@ -32,7 +35,6 @@ from exactarm.diagnose.signal import (
     DIRECTION,
     LOAD,
     MOTOR_ANGLE,
-    SPEED,
     TRAVEL,
     Direction,
     Signal,
@@ -45,11 +47,11 @@ from exactarm.diagnose.time_groups import time_groups
 from exactarm.diagnose.unknown import Pattern, Wave
 from exactarm.diagnose.wave_in_time import WaveInTime
 from exactarm.effects.base import Effect
-from exactarm.effects.harmonic_family import declared_orders, searched_orders
 from exactarm.identify.gear_declared import declared_gear_layout, sensor_layout
 from exactarm.identify.gear_fit import fit_gear_runs
-from exactarm.identify.sensor_tone import find_tones, without_tones
-from exactarm.noise.broadband import broadband_noise, oscillation, strongest_line
+from exactarm.identify.sensor_tone import find_tones, hum_at, without_tones
+from exactarm.noise.autocorrelation import lags_within, memory_in
+from exactarm.noise.broadband import broadband_noise, line_above, oscillation
 from exactarm.noise.drifting import DriftingNoise
 from exactarm.numerics.regression import Fit
 from exactarm.numerics.signals import typical_step
@@ -57,11 +59,6 @@ from exactarm.robot.robot import Robot
 from exactarm.station import Station
 
 _LEAST_SIGMA = 1e-12
-# RMS beside the floor without lines: 1.00 to 1.03 on clean blind runs (bench/blind, seeds 65000 to 65063,
-# which judge nothing), 1.15 to 2.0 where something shakes them; and four standard deviations, 0.74 / sqrt(N)
-# each: a level by the median of n = N / 2 exponential values scatters by 1.44 / sqrt(n), their mean, which is
-# part of it, by 1 / sqrt(n)
-_LINES, _SCATTER = 1.1, 3.0
 _RUNS_OF_A_SORT = 4
 # of a run where noise drifts: a slow error, or a resonance that is passed, goes on over shorter ones
 _LONG_PIECES = 5
@@ -90,6 +87,7 @@ class GearProblem(ProblemInTime):
     repeat_source = "spectrum of the residual without its lines"
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
+        data, held_out = at_even_readings(data), at_even_readings(held_out)
         self._tones = find_tones(data)
         data, held_out = without_tones(data, self._tones), without_tones(held_out, self._tones)
         super().__init__(robot, data, held_out, threads, seed)
@@ -106,8 +104,12 @@ class GearProblem(ProblemInTime):
         return declared_gear_layout(self.robot, self.resampled, self.record)
 
     def without_wave(self, wave: WaveInTime) -> GearProblem:
-        """The same runs without a wave in time, estimated beside what stands with it."""
+        """The same runs without a wave in time, estimated beside what stands with it; hum of the mains as the
+        tone that it is."""
         record = self._records["identification"]
+        calm = self._without_mains(wave.frequency, 0.5 * wave.size**2)
+        if calm is not None:
+            return calm
         parts = [(rows, wave.values(number, record.time[rows])) for number, rows in enumerate(record.runs)]
         robot, threads, seed = self.robot, self.threads, self.seed
         calm = GearProblem(robot, _less(self.data, record, parts), self.held_out, threads, seed)
@@ -120,6 +122,24 @@ class GearProblem(ProblemInTime):
             calm = GearProblem(robot, calm.data, _less(self.held_out, record, parts), threads, seed)
         calm._tones, calm._waves = self._tones, (*self._waves, wave)
         return calm
+
+    def without_hum(self, fitted: Fitted) -> GearProblem | None:
+        floor = self.repeat_noise(fitted)
+        unit = self.error_of_unit_noise(fitted)
+        line = None if floor is None else self._line_left(fitted, floor * unit)
+        return None if line is None else self._without_mains(line, unit**2 * (1.0 - floor**2))
+
+    def _without_mains(self, hertz: float, power: float) -> GearProblem | None:
+        """The same runs without the mains, where these are what stands at a frequency, within what the runs
+        resolve, and most of a power (mean square of all components); None where they are not."""
+        record = self._records["identification"]
+        tone = None if record.encoder_axes else hum_at(hertz, self.data)
+        if tone is None or np.sum(tone.amplitude**2) < power:  # half of them is the tone's own power
+            return None
+        calm, held_out = (without_tones(data, (tone,)) for data in (self.data, self.held_out))
+        problem = GearProblem(self.robot, calm, held_out, self.threads, self.seed)
+        problem._tones, problem._waves = (*self._tones, tone), self._waves
+        return problem
 
     def fit(self, layout: Layout, weight: np.ndarray | None = None,
             sigma: np.ndarray | None = None) -> Fitted:
@@ -293,20 +313,20 @@ class GearProblem(ProblemInTime):
         return found
 
     def unknown_waves(self, fitted: Fitted, instead: Iterable[Effect] = ()) -> list[Wave]:
-        """A wave may grow with the speed where no effect of the library does; one of the model (declared
-        tables, effects) may change with the time, the load, a covariate."""
-        signals, grow = self.signals(fitted), "faster" not in self._known_waves
-        speeds = [signal for signal in signals if signal.quantity == SPEED and grow]
-        others = [signal for signal in signals if signal.quantity == LOAD or signal.axis is None]
-        chosen = lambda effect: max(len(searched_orders(self.robot, fitted.view, effect.index)), 1)
-        asked = [(int(i), order, 1, speeds + others) for i in np.flatnonzero(fitted.view.moving)
-                 for order in declared_orders(self.robot, i)]
-        for effects, by in ((fitted.layout.effects, speeds + others), (instead, speeds)):
-            asked += [(effect.index, effect.values[0], chosen(effect), by) for effect in effects
-                      if effect.of_waves and not effect.declared and len(effect.values) > 1]
-        return super().unknown_waves(fitted) + [
-            Wave(axis + 1, float(order), signal, among) for axis, order, among, by in asked for signal in by
-            if signal.axis in (axis + 1, None)]
+        grows = "faster" not in self._known_waves
+        return super().unknown_waves(fitted) + changing_waves(fitted, self.signals(fitted), instead, grows)
+
+    def memory_along(self, fitted: Fitted, columns: np.ndarray, direction: np.ndarray) -> float:
+        """A gyroscope's slow noise follows the time, and the speed of a few passes. Its colour is that of
+        what the columns leave, and that of the other components as they stand, which errors of the moving
+        axis hardly reach."""
+        left = fitted.whitened[: fitted.data_numbers].reshape(fitted.residual.shape)
+        lags = lags_within(self.record.runs, NOISE_LAG_S, self._step)
+        basis, own = orthonormal(columns * self.record.keep[:, None]), np.any(direction != 0.0, axis=0)
+        along = np.sum(left * direction, axis=1)
+        memory = lambda noise: memory_in(basis, noise, self.record.runs, lags)
+        others = float(np.mean([memory(noise) for noise in left[:, ~own].T] or [1.0]))
+        return max(fitted.noise.share * max(memory(along - basis @ (basis.T @ along)), others), 1.0)
 
     def error_of_unit_noise(self, fitted: Fitted) -> float:
         errors = self.errors(fitted, self.data)
@@ -336,25 +356,21 @@ class GearProblem(ProblemInTime):
         return float(np.mean(squares)) if squares else 0.0
 
     def waves(self, fitted: Fitted, floor: float | None) -> tuple[Structure, ...]:
-        out = tuple(
-            Structure(f"a wave of {wave.frequency:.3g} Hz in time, {1e3 * wave.size:.2g} m{self.unit}, which "
-                      f"follows no axis's angle, is likelier than {_listed(wave.instead)} (probability "
-                      f"{wave.probability:.2f}) and was taken out: look for a floor or a mount that shakes")
-            for wave in self._waves)
+        out = tuple(wave.structure(self.unit) for wave in self._waves)
         return out if floor is None else out + self._waves_left(fitted, floor)
 
     def _waves_left(self, fitted: Fitted, floor: float) -> tuple[Structure, ...]:
-        pieces = self._pieces(fitted)
-        rms = np.sqrt(np.mean(np.concatenate([piece for column in pieces for piece in column]) ** 2))
-        rows = sum(piece.size for piece in pieces[0])
-        if floor * (_LINES + _SCATTER / np.sqrt(rows)) > rms:
-            steady = any(oscillation(column) for column in pieces)
+        hertz = self._line_left(fitted, floor)
+        if hertz is None:
+            steady = any(oscillation(column) for column in self._pieces(fitted))
             return (Structure("an oscillation whose size is steady stands in its noise"),) if steady else ()
-        worst = max(pieces, key=lambda column: sum(float(np.sum(piece**2)) for piece in column))
+        return (Structure(f"waves stand out of its noise, the highest at {hertz:.3g} Hz", hertz=hertz),)
+
+    def _line_left(self, fitted: Fitted, floor: float) -> float | None:
+        """Frequency in Hz of the highest line, where lines stand out of the noise."""
         step = float(np.median([typical_step(self.data.time[rows])
                                 for rows in self._records["identification"].runs]))
-        hertz = strongest_line(worst, step)
-        return (Structure(f"waves stand out of its noise, the highest at {hertz:.3g} Hz", hertz=hertz),)
+        return line_above(self._pieces(fitted), floor, step)
 
     def _pieces(self, fitted: Fitted) -> list[list[np.ndarray]]:
         """The unfiltered residual without gaps, of each component."""
@@ -364,10 +380,6 @@ class GearProblem(ProblemInTime):
 
     def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
         return separating_run(self.robot, fitted, self.record, one, other)
-
-
-def _listed(effects: tuple[Effect, ...]) -> str:
-    return " and ".join(dict.fromkeys(effect.title for effect in effects))
 
 
 def _less(data: Dataset, record: GearRecord, parts) -> Dataset:

@@ -160,6 +160,10 @@ class Problem(ABC):
         that takes away no more."""
         return 0.0
 
+    def without_hum(self, fitted: Fitted) -> Problem | None:
+        """The same problem without hum of the mains that stands out of what a fit leaves, if any does."""
+        return None
+
     def waves(self, fitted: Fitted, floor: float | None) -> tuple[Structure, ...]:
         """Waves in time that were likelier than effects, or that stand out of a measured noise
         floor, in the unit of the errors; empty where there are none, or where nothing is known of them."""
@@ -265,6 +269,11 @@ class Problem(ABC):
     def rms_by_axis(self, fitted: Fitted, data: Dataset) -> dict[int, float]:
         """RMS of any rows by axis (from 0)."""
         return {}
+
+    def memory_along(self, fitted: Fitted, columns: np.ndarray, direction: np.ndarray) -> float:
+        """How many times more of the residual along a direction (N, m) falls on columns (N, k) by chance than
+        of so many numbers as it counts for."""
+        return 1.0
 
     def correlation_factor(self, fitted: Fitted) -> float:
         """Independent numbers per number of data; below 1 where neighbouring samples are correlated."""

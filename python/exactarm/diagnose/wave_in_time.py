@@ -32,6 +32,7 @@ from exactarm.diagnose.joint_fit import candidates_for, count_of
 from exactarm.diagnose.problem_in_time import ProblemInTime
 from exactarm.diagnose.scan import free_mask, grid, prior_of
 from exactarm.diagnose.selected import Selection
+from exactarm.diagnose.signal import Structure
 from exactarm.diagnose.something_else import (
     columns_of_unknown,
     pieces_of,
@@ -73,6 +74,14 @@ class WaveInTime:
     def size(self) -> float:
         """RMS over the runs of its amplitude, all components together, in the unit of the reading."""
         return float(np.sqrt(np.mean(np.sum(self.coefficients**2, axis=(1, 2)))))
+
+    def structure(self, unit: str) -> Structure:
+        """In words; unit: of the reading."""
+        instead = " and ".join(dict.fromkeys(effect.title for effect in self.instead))
+        return Structure(f"a wave of {self.frequency:.3g} Hz in time, {1e3 * self.size:.2g} m{unit}, which "
+                         f"follows no axis's angle, is likelier than {instead} (probability "
+                         f"{self.probability:.2f}) and was taken out: look for a floor or a mount that "
+                         "shakes")
 
     def values(self, number: int, time: np.ndarray) -> np.ndarray:
         """(K, m) at times (K,) of a whole run."""

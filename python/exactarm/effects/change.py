@@ -1,5 +1,7 @@
 """What an effect is asked for: its parameters, and what they change at a station."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -36,6 +38,8 @@ class Change:
                    columns ("theta", "phi", "torque", "q", "displacement", "measured"; rates are "q_dot",
                        ...).
                    Absent: the change does not depend on it.
+    rate           d/dt of all of the above, where the effect knows it and the chain asks (`View.is_fast`):
+                   differences between samples do not follow fast waves
     carried        (joint from 1, (N, c, 6)): what more than by_signal["displacement"] a parameter does that
                    moves the whole arm from that joint on (`Effect.carries_from`)
     """
@@ -45,6 +49,7 @@ class Change:
     by_parameters: np.ndarray
     by_signal: Mapping[str, np.ndarray] = None
     carried: tuple[int, np.ndarray] | None = None
+    rate: Change | None = None
 
     def __post_init__(self) -> None:
         if self.by_signal is None:

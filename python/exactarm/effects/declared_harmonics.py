@@ -13,7 +13,7 @@ import numpy as np
 
 from exactarm.data.kinds import GEAR_RUN
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.numerics.harmonics import basis
+from exactarm.numerics.harmonics import basis, waves
 from exactarm.robot.robot import GearTable
 
 _PLAUSIBLE = 3e-3
@@ -63,4 +63,11 @@ class DeclaredHarmonics(Effect):
         slope = view.signals["gear_slope"][:, self.index] * view.robot.ratios[self.index]
         sine, cosine = basis(view.phi[:, self.index], np.array(self.orders))
         columns = -(share * slope)[:, None] * np.concatenate([sine, cosine], axis=1)
-        return Change((self.index,), np.zeros((view.rows, 1)), columns[:, None, :])
+        none, rate = np.zeros((view.rows, 1)), None
+        if view.is_fast(self.index, max(self.orders)):
+            turns = share * slope * view.signals["phi_dot"][:, self.index]
+            bends = view.signals["gear_slope_dot"][:, self.index] / view.signals["gear_slope"][:, self.index]
+            sine, cosine = waves(view.phi[:, self.index], np.array(self.orders))
+            swings = bends[:, None] * columns - turns[:, None] * np.concatenate([cosine, -sine], axis=1)
+            rate = Change((self.index,), none, swings[:, None, :])
+        return Change((self.index,), none, columns[:, None, :], rate=rate)

@@ -14,7 +14,7 @@ import numpy as np
 from exactarm.data.kinds import ALL_KINDS
 from exactarm.effects.axis_units import slides
 from exactarm.effects.base import Effect
-from exactarm.effects.harmonic_family import HarmonicFamily, motor_orders, searched_orders
+from exactarm.effects.harmonic_family import HarmonicFamily, motor_orders, searched_orders, slow_orders
 from exactarm.numerics.harmonics import delivered_angle
 
 _CURVE_ORDERS, _CURVE_POINTS = 40, 400
@@ -42,8 +42,10 @@ class GearHarmonics(HarmonicFamily):
     def candidates(cls, robot, view) -> Iterable[Effect]:
         for index in range(robot.axes):
             orders = searched_orders(robot, view, index)
-            if len(orders):
-                yield cls.zero(index + 1, orders)
+            # What follows load, speed or direction is not tried so: one of few waves looks like many others.
+            tried = (*orders, *slow_orders(robot, view, index))
+            if len(tried):
+                yield cls.zero(index + 1, tried)
             own = motor_orders(robot, orders, index)
             if len(own):
                 yield cls.zero(index + 1, own, multiples=2)

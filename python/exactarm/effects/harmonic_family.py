@@ -30,6 +30,7 @@ _LEAST_ORDER, _BELOW_SEARCH = 0.2, 0.8
 _MOST_MULTIPLES = 2  # of an element whose order was searched
 _MOTOR_MULTIPLES = (1.0, 2.0)  # that motions are searched for
 _REFINED, _BESIDE = 3, (-0.5, -0.25, 0.25, 0.5)  # peaks, and steps in cells of resolution
+_LEAST_WHOLE, _SLOW_PASSES = 3.0, 3.0  # 1 and 2 are a run-out; waves in the range
 _CURVE_KNEE = 25.0  # order above which the amplitudes of a gear or encoder curve fall (cycles per revolution)
 # lower orders are run-outs, no larger than what falls from here on: on part of a turn, wider ones would
 # imitate geometry and springs
@@ -193,11 +194,26 @@ class HarmonicFamily(Effect):
         # d(k w)/dw = k cancels against the k of the divisor, once in each term.
         derivative[:, 0, 0] = (x * slope - error) / order
         inverse = 1.0 / (1.0 + factor * slope)
-        derivative *= -(factor * inverse)[:, None, None]
         by_phi = self.by_own_entry(view, np.where(inside, inverse - 1.0, 0.0))
         by_signal = {name: -(error * inverse)[:, None, None] * row[:, None, :]
                      for name, row in by_factor.items()}
-        return Change((self.index,), (x - phi)[:, None], derivative, {"phi": by_phi} | by_signal)
+        rate = None
+        if view.is_fast(self.index, orders[-1]):
+            turns, grows = np.where(inside, view.signals["phi_dot"][:, self.index], 0.0), view.rate(factor)
+            moves = inverse * (turns - grows * error)
+            bends = -(sine @ (a * orders) + cosine @ (b * orders)) * moves
+            frees = -(inverse**2) * (grows * slope + factor * bends)
+            swings = np.empty_like(derivative)
+            swings[:, 0, 1::2], swings[:, 0, 2::2] = cosine * moves[:, None], -sine * moves[:, None]
+            swings[:, 0, 0] = x * bends / order
+            columns = -(factor * inverse)[:, None, None] * swings
+            columns -= (grows * inverse + factor * frees)[:, None, None] * derivative
+            lifts = -(slope * moves * inverse + error * frees)[:, None, None]
+            rate = Change((self.index,), (moves - turns)[:, None], columns,
+                          {"phi": self.by_own_entry(view, np.where(inside, frees, 0.0))}
+                          | {name: lifts * row[:, None, :] for name, row in by_factor.items()})
+        derivative *= -(factor * inverse)[:, None, None]
+        return Change((self.index,), (x - phi)[:, None], derivative, {"phi": by_phi} | by_signal, rate=rate)
 
     def to_table(self):
         table = super().to_table()
@@ -243,6 +259,21 @@ def searched_orders(robot, view, index: int, lowest: float = 3.0) -> tuple[float
     return tuple(o for o in orders if np.all(np.abs(declared - o) > 0.5))
 
 
+def slow_orders(robot, view, index: int) -> tuple[float, ...]:
+    """Whole orders of axis `index` of which one to three waves lie in the range of a gear run: no spectrum
+    over the angle, levelled and windowed, shows them."""
+    if view.device is not Device.GEAR or not view.moving[index]:
+        return ()
+    kept = [rows[view.keep[rows]] for rows, axis in view.moving_runs
+            if axis == index or view.data.gyro is None]
+    longest = max((np.ptp(view.phi[rows, index]) for rows in kept if rows.size), default=0.0)
+    if longest == 0.0:
+        return ()
+    cell = 2.0 * np.pi / longest
+    orders = np.arange(np.ceil(max(cell, _LEAST_WHOLE)), _SLOW_PASSES * cell)
+    return tuple(o for o in orders if np.all(np.abs(declared_orders(robot, index) - o) > 0.5))
+
+
 def orders_by_side(robot, view, index: int) -> tuple[float, ...]:
     """Orders worth trying of what changes sign with the direction: those of the declared tables, and all
     others."""
@@ -270,9 +301,16 @@ def growing_error(effect: Effect, view, follows: np.ndarray) -> tuple[Change, np
     size, index = effect.values[0], effect.index
     error = view.theta[:, index] / view.robot.ratios[index] - view.phi[:, index]
     change = -(follows * error)
-    signals = {"phi": effect.by_own_entry(view, size * follows),
-               "theta": effect.by_own_entry(view, -size * follows / view.robot.ratios[index])}
-    return Change((index,), (size * change)[:, None], change[:, None, None], signals), error
+    by_signals = lambda grown: {"phi": effect.by_own_entry(view, size * grown),
+                                "theta": effect.by_own_entry(view, -size * grown / view.robot.ratios[index])}
+    rate = None
+    if view.is_fast(index, view.robot.joints[index].highest_order):
+        turns = view.rate(view.theta[:, index]) / view.robot.ratios[index]
+        grows = view.rate(follows)
+        moves = -(grows * error + follows * (turns - view.signals["phi_dot"][:, index]))
+        rate = Change((index,), (size * moves)[:, None], moves[:, None, None], by_signals(grows))
+    change = Change((index,), (size * change)[:, None], change[:, None, None], by_signals(follows), rate=rate)
+    return change, error
 
 
 def _residual_orders(view, index: int) -> np.ndarray:

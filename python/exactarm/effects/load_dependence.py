@@ -77,8 +77,13 @@ class LoadDependence(HarmonicFamily):
         size, torque = self.values[0], view.torque[:, self.index]
         if self.of_declared:
             grown, error = growing_error(self, view, np.abs(torque))
-            by_torque = self.by_own_entry(view, -size * np.sign(torque) * error)
-            return replace(grown, by_signal=grown.by_signal | {"torque": by_torque})
+            sided = lambda values: {"torque": self.by_own_entry(view, -size * np.sign(torque) * values)}
+            rate = grown.rate
+            if rate is not None:
+                swings = view.rate(view.theta[:, self.index]) / view.robot.ratios[self.index]
+                swings = swings - view.signals["phi_dot"][:, self.index]
+                rate = replace(rate, by_signal=rate.by_signal | sided(swings))
+            return replace(grown, by_signal=grown.by_signal | sided(error), rate=rate)
         columns = -torque[:, None]
         if len(self.values) == 2:
             columns = np.stack([-torque, self._sign(view)], axis=1)

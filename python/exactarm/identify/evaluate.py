@@ -27,6 +27,7 @@ from exactarm.chain import (
 )
 from exactarm.chain.extrapolation import extrapolations
 from exactarm.data.dataset import Dataset
+from exactarm.data.even_readings import at_even_readings
 from exactarm.data.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
@@ -163,6 +164,7 @@ def evaluate_closures(robot: Robot, data: Dataset, seed: int = 0, threads: int =
 def evaluate_gear_runs(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1) -> Evaluation:
     """Fits the set-up on all rows that count; what is left on every row, tones of the sensor aside: the
     magnitude along the moving axis (RMS over the axes between encoders)."""
+    data = at_even_readings(data)
     data = without_tones(data, find_tones(data))
     record = gear_record(robot, data)
     layout = sensor_layout(robot, data, record, bias=True).joined(carried_layout(robot, data, GEAR_RUN.name))

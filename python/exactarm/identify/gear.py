@@ -17,6 +17,7 @@ import numpy as np
 from exactarm import _core
 from exactarm.chain import gear_record
 from exactarm.data.dataset import Dataset
+from exactarm.data.even_readings import at_even_readings
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.effects.gyro_alignment import tilt
 from exactarm.errors import ComputationError, InputError
@@ -113,6 +114,7 @@ def identify_gears(robot: Robot, data: Dataset, *, method: str = "refined", seed
     if method not in METHODS:
         raise InputError(f"unknown method {method!r}, expected one of {', '.join(METHODS)}")
     identification = data.split(seed)
+    data = at_even_readings(data)
     tones = find_tones(data.select(identification))
     data = without_tones(data, tones)
     record = gear_record(robot, data)

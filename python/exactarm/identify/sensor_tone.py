@@ -11,6 +11,9 @@ A tone's phase wanders (mains drift by some 0.02 Hz), so that it is taken out of
 a low-pass of `_WIDTH_S` at its frequency, which leaves what passes there faster as it is. A gear whose line
 stands at the same frequency for seconds would lose it too. Runs without a rest show no tone, and
 none is seen below some nine periods in a rest.
+
+A short rest resolves little: a tone near one of the mains is theirs where more of the runs lies at that
+frequency than at the one that the rests show.
 """
 
 from collections.abc import Iterator
@@ -31,18 +34,24 @@ _DRIFT_PERIODS = 2.0  # in the longest rest: what is slower is the sensor's drif
 _NEIGHBOURS = 10  # resolved bins on one side that tell the background
 _PADDED = 4  # times the longest rest
 _WIDTH_S = 0.3
+_MAINS_HZ, _OVERTONES = (50.0, 60.0), (1, 2, 3)  # iron hums at twice the frequency, rectifiers at odd ones
+_MAINS_OFF_HZ = 0.2  # by which they wander in normal operation (EN 50160: 1 % in nearly all of the time)
 _SMOOTH = 4.0  # the motion, taken off before: slower than the tone's frequency by this factor
 
 
 @dataclass(frozen=True)
 class Tone:
-    """frequency, Hz; amplitude (3,), rad/s, of each component while the arm rests."""
+    """frequency, Hz; amplitude (3,), rad/s, of each component; at_rest: as it is while the arm rests."""
 
     frequency: float
     amplitude: np.ndarray
+    at_rest: bool = True
 
     def __str__(self) -> str:
         size = 1e3 * float(np.linalg.norm(self.amplitude))
+        if not self.at_rest:
+            return (f"the gyroscope reads hum of the mains at {self.frequency:.4g} Hz ({size:.2g} mrad/s): "
+                    "it is not the robot's and was taken out")
         return (f"the gyroscope reads a tone of {self.frequency:.4g} Hz ({size:.2g} mrad/s) also while the "
                 "arm rests: it is not the robot's and was taken out; look for hum of the mains, a fan or a "
                 "vibrating mount")
@@ -85,9 +94,52 @@ def find_tones(data: Dataset) -> tuple[Tone, ...]:
     tones, left = [], ratio.copy()
     while len(tones) < _MOST_TONES and left.max() > limit:
         peak = int(np.argmax(left))
-        tones.append(_tone(data, rests, summit(frequency, ratio, peak)))
+        hertz = _sharper(data, summit(frequency, ratio, peak), 0.5 / (longest * step))
+        tones.append(_tone(data, rests, hertz))
         left[max(0, peak - 2 * resolved): peak + 2 * resolved + 1] = 0.0
     return tuple(tones)
+
+
+def mains_near(frequency: float, width: float, sampling_hz: float) -> float | None:
+    """Frequency in Hz of the mains, or of an overtone, that samples show within `width` of a frequency,
+    folded back where they are too slow for it."""
+    hums = [k * hertz for hertz in _MAINS_HZ for k in _OVERTONES]
+    shown = {hertz: abs(hertz - sampling_hz * round(hertz / sampling_hz)) for hertz in hums}
+    nearest = min(hums, key=lambda hertz: abs(shown[hertz] - frequency))
+    return nearest if abs(shown[nearest] - frequency) < width + _MAINS_OFF_HZ else None
+
+
+def hum_at(frequency: float, data: Dataset) -> Tone | None:
+    """Hum of the mains that stands at a frequency in Hz of gear runs, within what the longest resolves."""
+    runs = [rows for rows in rows_of_runs(data) if rows.size > 1]
+    longest = max(np.ptp(data.time[rows]) for rows in runs)
+    step = typical_step(data.time[runs[0]])
+    mains = mains_near(frequency, 0.5 / longest, 1.0 / step)
+    if mains is None:
+        return None
+    shown = abs(mains - round(mains * step) / step)
+    squares = sum(np.sum(np.abs(_demodulated(data, rows, shown)) ** 2, axis=0) for rows in runs)
+    return Tone(shown, 2.0 * np.sqrt(squares / sum(rows.size for rows in runs)), at_rest=False)
+
+
+def _sharper(data: Dataset, frequency: float, width: float) -> float:
+    """Of a frequency that rests show within `width`, and that of the mains next to it, the one at which more
+    of the runs lies."""
+    runs = [rows for rows in rows_of_runs(data) if rows.size > 1]
+    mains = mains_near(frequency, width, 1.0 / typical_step(data.time[runs[0]]))
+    if mains is None or 2.0 * mains * typical_step(data.time[runs[0]]) >= 1.0:
+        return frequency
+    return max((frequency, mains), key=lambda hertz: sum(
+        float(np.sum(np.abs(_demodulated(data, rows, hertz)) ** 2)) for rows in runs))
+
+
+def _demodulated(data: Dataset, rows: np.ndarray, frequency: float) -> np.ndarray:
+    """z (R, 3) of the tone in a run."""
+    time = data.time[rows]
+    fast = data.gyro[rows] - gaussian_filter(data.gyro[rows], time, frequency / _SMOOTH)
+    wave = np.exp(2j * np.pi * frequency * time)[:, None]
+    return ndimage.gaussian_filter1d(fast / wave, _WIDTH_S / typical_step(time), axis=0, mode="nearest",
+                                     truncate=6.0)
 
 
 def without_tones(data: Dataset, tones: tuple[Tone, ...]) -> Dataset:
@@ -96,13 +148,10 @@ def without_tones(data: Dataset, tones: tuple[Tone, ...]) -> Dataset:
     gyro = data.gyro.copy()
     for tone in tones:
         for rows in rows_of_runs(data):
-            time = data.time[rows]
-            wave = np.exp(2j * np.pi * tone.frequency * time)[:, None]
-            fast = gyro[rows] - gaussian_filter(gyro[rows], time, tone.frequency / _SMOOTH)
-            width = _WIDTH_S / typical_step(time)
-            slow = ndimage.gaussian_filter1d(fast / wave, width, axis=0, mode="nearest", truncate=6.0)
-            gyro[rows] -= 2.0 * np.real(slow * wave)
-    return replace(data, gyro=gyro)
+            wave = np.exp(2j * np.pi * tone.frequency * data.time[rows])[:, None]
+            gyro[rows] -= 2.0 * np.real(_demodulated(data, rows, tone.frequency) * wave)
+        data = replace(data, gyro=gyro.copy())
+    return data
 
 
 def _rests(data: Dataset) -> Iterator[np.ndarray]:

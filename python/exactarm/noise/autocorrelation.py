@@ -71,6 +71,16 @@ def uncertainty(
     return Uncertainty(share * covariance * np.outer(widen, widen), effective, freedom)
 
 
+def memory_in(columns: np.ndarray, noise: np.ndarray, runs: Sequence[np.ndarray], lags: int) -> float:
+    """How many times more of noise like (N,) falls on orthonormal columns (N, k) than of white noise of its
+    size: tr(C' R C) / k, R its autocorrelation up to so many lags (Bartlett's taper). Columns that gather
+    rows of many passes catch less of a slow noise than those that gather neighbours."""
+    tapered = autocorrelation(noise, runs, lags) * (1.0 - np.arange(lags + 1) / (lags + 1))
+    kernel = np.concatenate([tapered[:0:-1], tapered])[:, None]
+    total = sum(float(np.sum(columns[run] * _convolved(columns[run], kernel))) for run in runs)
+    return total / columns.shape[1]
+
+
 def _convolved(columns: np.ndarray, kernel: np.ndarray) -> np.ndarray:
     """(N, P) columns with a symmetric kernel (2 L + 1, 1); scipy.signal takes half a second to import."""
     length = fft.next_fast_len(len(columns) + len(kernel) - 1, real=True)

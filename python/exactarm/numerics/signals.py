@@ -122,12 +122,17 @@ def stamps_are_true(values: np.ndarray, rate: np.ndarray, time: np.ndarray, cloc
 
 
 def at_even_times(values: np.ndarray, stamps: np.ndarray, time: np.ndarray, main: int) -> np.ndarray:
-    """Angles (R, n) of one run at the even `time`, where those of the column `main`, which moves most, show
-    that they were read at their stamps."""
-    rate = derivative(gaussian_filter(values, time, MOTION_HZ), time)
-    if not stamps_are_true(values[:, main], rate[:, main], stamps, time):
+    """Signals (R, n) of one run at the even `time`, where those of the column `main`, which moves most, show
+    that they were read at their stamps.
+
+    By a spline through the stamps: speed times lateness errs by the jitter that is in the speed itself, 2 %
+    of it at 100 Hz and a tenth of a step, ten times a gyroscope's noise in a rate.
+    """
+    rate = derivative(gaussian_filter(values[:, main], time, MOTION_HZ), time)
+    if not stamps_are_true(values[:, main], rate, stamps, time):
         return values
-    return values - rate * (stamps - time)[:, None]
+    read_at, first = np.unique(stamps, return_index=True)
+    return by_spline(read_at, values[first], time)
 
 
 def by_spline(time: np.ndarray, values: np.ndarray, wanted: np.ndarray) -> np.ndarray:

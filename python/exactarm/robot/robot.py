@@ -78,6 +78,12 @@ class Joint(Value):
         return self.ratio is not None
 
     @property
+    def highest_order(self) -> float:
+        """Of the declared waves, cycles per output turn; 0 without any."""
+        tables = [table.order for table in (self.cw, self.ccw) if table is not None]
+        return float(np.max(np.concatenate(tables), initial=0.0)) if tables else 0.0
+
+    @property
     def has_harmonics(self) -> bool:
         return any(table is not None and table.order.size for table in (self.cw, self.ccw))
 
