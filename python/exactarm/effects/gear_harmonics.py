@@ -42,7 +42,6 @@ class GearHarmonics(HarmonicFamily):
     def candidates(cls, robot, view) -> Iterable[Effect]:
         for index in range(robot.axes):
             orders = searched_orders(robot, view, index)
-            # What follows load, speed or direction is not tried so: one of few waves looks like many others.
             tried = (*orders, *slow_orders(robot, view, index))
             if len(tried):
                 yield cls.zero(index + 1, tried)

@@ -277,7 +277,8 @@ def slow_orders(robot, view, index: int) -> tuple[float, ...]:
 def orders_by_side(robot, view, index: int) -> tuple[float, ...]:
     """Orders worth trying of what changes sign with the direction: those of the declared tables, and all
     others."""
-    return (*np.unique(declared_orders(robot, index)), *searched_orders(robot, view, index, lowest=1.0))
+    return (*np.unique(declared_orders(robot, index)), *searched_orders(robot, view, index, lowest=1.0),
+            *slow_orders(robot, view, index))
 
 
 def motor_orders(robot, orders, index: int) -> tuple[float, ...]:
