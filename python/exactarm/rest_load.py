@@ -28,19 +28,23 @@ Body = tuple[_core.Robot, np.ndarray]  # a massive arm, and how much of it (N,) 
 
 @dataclass(frozen=True)
 class RestLoad:
-    """own: the links, or None; payload: what the flange carries; measured (N, n): NaN where it was not."""
+    """own: the links, or None; payload: what the flange carries; measured (N, n): NaN where it was not;
+    payload_varies: rows carry different payloads that were weighed, beside the unknown ones of the links."""
 
     robot: Robot
     own: _core.Robot | None
     payload: tuple[Body, ...]
     measured: np.ndarray
+    payload_varies: bool
     threads: int = 1
 
     @staticmethod
-    def of(robot: Robot, data: Dataset, threads: int = 1) -> RestLoad:
-        own = None if robot.links is None else robot.core
-        payload = carried_bodies(robot, data) if own is not None else ()
-        return RestLoad(robot, own, payload, measured_at_rest(robot, data), threads)
+    def of(robot: Robot, data: Dataset, threads: int = 1, flange: np.ndarray | None = None) -> RestLoad:
+        """flange (N, 4): as in `weighed`, where more is known of it than the data say."""
+        own, known = None if robot.links is None else robot.core, weighed(data)
+        payload = carried_bodies(robot, known if flange is None else flange) if own is not None else ()
+        varies = own is not None and bool(np.any(known != known[:1]))
+        return RestLoad(robot, own, payload, measured_at_rest(robot, data), varies, threads)
 
     @cached_property
     def fixed(self) -> np.ndarray:
@@ -114,10 +118,10 @@ class RestLoad:
         )
         return there - without
 
-    @property
-    def payload_varies(self) -> bool:
-        """Whether rows carry different payloads: known weights beside the unknown ones of the links."""
-        return any(np.ptp(share) > 0.0 for _, share in self.payload)
+    def by_flange(self, q: np.ndarray) -> np.ndarray:
+        """(N, n, 4) of the torque by mass (kg) and first moment (kg m) at the flange."""
+        still = np.zeros_like(q)
+        return _core.dynamics_regressor(self.robot.core, q, still, still, self.threads)[:, :, -10:-6]
 
 
 def massive(robot: Robot, mass: float, centre: np.ndarray) -> _core.Robot:
@@ -127,13 +131,17 @@ def massive(robot: Robot, mass: float, centre: np.ndarray) -> _core.Robot:
     return replace(robot, links=links).core
 
 
-def carried_bodies(robot: Robot, data: Dataset) -> tuple[Body, ...]:
-    """The payload of the rows, as unit masses at the flange and a metre along its axes."""
+def weighed(data: Dataset) -> np.ndarray:
+    """(N, 4) payload of the rows as it is known: kg, and its first moment in DH frame n, kg m."""
     if data.payload is None:
-        return ()
+        return np.zeros((len(data), 4))
     mass, centre = data.payload
-    moments = mass[:, None] * centre
-    shares = [mass - moments.sum(axis=1), *moments.T]
+    return np.column_stack([mass, mass[:, None] * centre])
+
+
+def carried_bodies(robot: Robot, flange: np.ndarray) -> tuple[Body, ...]:
+    """What the flange carries (N, 4), as unit masses there and a metre along its axes."""
+    shares = [flange[:, 0] - flange[:, 1:].sum(axis=1), *flange[:, 1:].T]
     points = [np.zeros(3), *np.eye(3)]
     return tuple((massive(robot, 1.0, point), share) for point, share in zip(points, shares) if np.any(share))
 

@@ -1,7 +1,8 @@
 """Stations of the measurement chain.
 
     theta --MOTOR, GEAR--> phi --LOAD--> torque --SPRING--> q --GEOMETRY--> target --DEVICE--> measured
-                                                     torque --DRIVE--> motor torque
+                              |                      torque --DRIVE--> motor torque
+                              at rest: flange_load --FLANGE--> torque, bending of bearings and base
 """
 
 from enum import IntEnum
@@ -12,8 +13,9 @@ class Station(IntEnum):
 
     MOTOR = 1
     GEAR = 2
-    LOAD = 3
-    SPRING = 4
-    GEOMETRY = 5
-    DEVICE = 6
-    DRIVE = 7
+    FLANGE = 3
+    LOAD = 4
+    SPRING = 5
+    GEOMETRY = 6
+    DEVICE = 7
+    DRIVE = 8

@@ -113,3 +113,14 @@ def test_play_without_masses_is_backlash_though_the_generic_load_changes_its_sig
     assert found(result)[0] == ("backlash", 3)
     assert result["effects"][0]["parameters"]["width_rad"]["value"] == pytest.approx(6e-4, rel=0.4)
     assert result["after"]["validation"]["rms"] < 0.8 * result["before"]["validation"]["rms"]
+
+
+@pytest.mark.slow
+def test_gravity_that_points_up_is_asked_after():
+    """Springs that would have to give way against their load are no cause: what is left follows the load."""
+    robot = replace(puma(), gravity=-np.asarray(puma().gravity))
+    springs = [f"joint_compliance joint={axis} linear_rad_per_Nm={size}"
+               for axis, size in ((2, 1.5e-5), (3, 3e-5))]
+    data = measured(puma(), *springs)
+    asked = lambda result: any("gravity_m_s2" in line for line in result["warnings"])
+    assert asked(ea.diagnose(robot, data, threads=1)) and not asked(ea.diagnose(puma(), data, threads=1))

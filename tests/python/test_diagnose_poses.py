@@ -301,8 +301,8 @@ def test_gross_rows_hide_no_declared_parameter_once_they_are_known():
     told, hidden = clean.declared(), spoiled.declared()
     assert hidden.size < told.size
     noise = NoiseModel(np.full(3, NOISE_M), np.ones(FITTED))
-    assert spoiled.declared_under(hidden, noise).names == told.names
-    assert clean.declared_under(told, noise).names == told.names
+    assert spoiled.declared_under(hidden, noise.of_a_row).names == told.names
+    assert clean.declared_under(told, noise.of_a_row).names == told.names
 
 
 @pytest.mark.slow

@@ -82,6 +82,8 @@ def test_what_is_said_names_every_source():
     assert "axes 1, 2, 3, 4, 5 and 6 is the torque that was measured" in load_lines(loaded, data)[0]
     carried = with_payloads(0.0, 2.5, 5.0)
     assert "0, 2.5, 5 kg" in load_lines(with_loads(BARE, carried), carried)[0]
+    assert "by the known payloads" in guess_line(with_loads(BARE, carried), carried)
+    assert "to make it absolute" in guess_line(with_loads(BARE, with_payloads(5.0)), with_payloads(5.0))
     assert load_json(loaded, data)["source"] == ["measured"] * 6
     assert load_json(with_loads(BARE, poses()), poses())["source"] == ["generic"] * 6
 

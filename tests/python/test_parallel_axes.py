@@ -72,3 +72,15 @@ def test_the_calibrated_file_with_d_beside_beta_reads_as_it_was_written(leaning,
     q = joints_in_limits(robot, 5, np.random.default_rng(3))
     np.testing.assert_array_equal([again.fk(each).position for each in q],
                                   [robot.fk(each).position for each in q])
+
+
+@pytest.mark.parametrize("axis", [3, 4])
+def test_a_second_calibration_finds_a_zero_that_has_moved(leaning, axis):
+    """In the calibrated file the axes are no longer parallel to the last digit: d of both and the zero of the
+    second collide, the noise hides d, and the zero was given up with it."""
+    first = calibrate(*leaning, OPTIONS).robot
+    theta = leaning[1].joints["theta"].copy()
+    theta[:, axis - 1] -= 2e-3
+    again = calibrate(first, replace(leaning[1], joints={"theta": theta}), OPTIONS)
+    assert f"q_offset_{axis}_rad" in again.names
+    assert again.after["validation"].rms < 1.5 * np.sqrt(3.0) * NOISE_M

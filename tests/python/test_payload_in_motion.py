@@ -16,7 +16,7 @@ from exactarm.effects.joint_compliance import JointCompliance
 from exactarm.effects.payload import Payload
 from exactarm.errors import InputError
 from exactarm.identify.dynamics import identify_dynamics
-from exactarm.measurement.session_payload import SessionPayload
+from exactarm.measurement.session_payload import SessionPayloadInMotion
 from motions import fourier_motion, motion_data
 from six_axis import six_axis
 
@@ -48,7 +48,7 @@ def test_derivatives_agree_with_differences_where_rows_carry_different_payloads(
     time, angle, _, _ = fourier_motion(robot, 2.0, 60.0, 5)
     data = motion_data(robot, time, angle)
     record = motion_record(robot, with_payload(data, np.where(time < 1.0, 0.0, MASS)))
-    estimated = SessionPayload(None, (2.0, 0.1, -0.05, 0.3), 1)
+    estimated = SessionPayloadInMotion(None, (2.0, 0.1, -0.05, 0.3), 1)
     layout = Layout.of((JointCompliance(2, (5e-6, 0.0)), estimated))
     found = predict_motion(robot, layout, record)
     at = lambda x: predict_motion(robot, layout.at(x), record, tangents=False).torque

@@ -184,6 +184,24 @@ def test_an_arm_of_any_kind_that_lacks_nothing_gets_nothing(name):
     assert result["verdict"] == "no_undeclared_effect" and result["effects"] == []
 
 
+WRIST = {(6, 5): -0.5, (5, 4): 0.02, (6, 4): 0.01}  # (turned axis, motor) -> rad per rad
+
+
+@pytest.mark.slow
+def test_all_couplings_of_a_wrist_are_found_and_nothing_beside_them():
+    """Half a radian per radian hides most of the geometry: it is searched anew once that is known."""
+    robot = replace(coupled_wrist(), effects=())
+    effects = [f"joint_coupling joint={turned} motor={motor} coupling_rad_per_rad={size}"
+               for (turned, motor), size in WRIST.items()]
+    made = ea.simulate(robot, effects=effects, count=POSES, deviation=1, seed=8, noise=NOISE_M)
+    result = ea.diagnose(robot, made.data, seed=8, threads=1)
+    couplings = [(each["joint"], each["parameters"]) for each in result["effects"]
+                 if each["effect"] == "joint_coupling"]
+    found = {(joint, int(of["motor"])): of["coupling_rad_per_rad"]["value"] for joint, of in couplings}
+    assert found == pytest.approx(WRIST, abs=2e-4) and len(result["effects"]) == len(WRIST)
+    assert result["verdict"] == "explained"
+
+
 def leaning_scara() -> Robot:
     """As it is built: no axis is quite parallel to the next; the table of the maker has no beta."""
     arm = scara()

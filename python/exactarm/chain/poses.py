@@ -23,7 +23,7 @@ from exactarm.data.kinds import POSES
 from exactarm.effects.base import Station
 from exactarm.numerics.rotation import exp as rotation_exp
 from exactarm.numerics.rotation import log as rotation_log
-from exactarm.rest_load import RestLoad
+from exactarm.rest_load import RestLoad, weighed
 from exactarm.robot.robot import Robot
 from exactarm.view import View, motor_angles
 
@@ -91,6 +91,9 @@ class _Joints:
         adjoint.add("phi", by["q"])
         adjoint.back("phi", self.passed[Station.GEAR], ("phi", "theta"))
         adjoint.back("torque", self.passed[Station.LOAD], ("torque", "theta"))
+        if self.passed[Station.FLANGE]:
+            adjoint.add("flange_load", adjoint.by["torque"] @ view.rest_load.by_flange(view.q))
+            adjoint.back("flange_load", self.passed[Station.FLANGE], ())
         adjoint.add("theta", by["phi"] * self.slope[:, None])
         adjoint.back("theta", self.passed[Station.MOTOR], ("theta",))
 
@@ -103,7 +106,9 @@ def _joint_angles(view: View, layout: Layout, tangents: bool) -> _Joints | None:
     declared, slope = declared_output_angle(view)
     view.signals["q"] = declared + view.robot.offsets
     view.signals["torque"] = np.zeros((rows, n))
-    view.rest_load = load = RestLoad.of(view.robot, view.data, view.threads)
+    view.signals["flange_load"] = weighed(view.data)
+    pass_station(view, layout, Station.FLANGE, "flange_load", False)
+    view.rest_load = load = RestLoad.of(view.robot, view.data, view.threads, view.signals["flange_load"])
     for _ in range(_FIXED_POINT_PASSES):
         q_before = view.q
         if load.any:
@@ -127,7 +132,8 @@ def _joint_slopes(view: View, layout: Layout, declared: np.ndarray, slope: np.nd
     nothing, unit = np.zeros((rows, n, n)), np.tile(np.eye(n), (rows, 1, 1))
     tangents = view.tangents
     tangents |= {"theta": nothing, "torque": unit, "q": nothing, "phi": nothing}
-    passed = {station: changes(view, layout, station) for station in (Station.MOTOR, Station.LOAD)}
+    passed = {station: changes(view, layout, station)
+              for station in (Station.MOTOR, Station.FLANGE, Station.LOAD)}
     view.signals["phi"] = declared
     passed[Station.GEAR] = pass_station(view, layout.held, Station.GEAR, "phi", True)
     deflection, give = declared_deflection(view.robot, view.torque)
@@ -180,6 +186,8 @@ def _target(view: View, layout: Layout, tangents: bool) -> tuple[PosePrediction,
         if not view.is_series:
             view.transfers = _transfers(view, view.target_by("q"))
     moves = pass_station(view, layout, Station.GEOMETRY, "displacement", tangents)
+    if Station.LOAD in view.transfers and tangents:
+        view.transfers[Station.FLANGE] = _flange_transfer(view, moves)
     moved = view.signals["displacement"]
     view.signals["measured"] = position + moved[:, :3]
     if np.any(moved[:, 3:]):
@@ -220,6 +228,19 @@ def _transfers(view: View, joint_columns: np.ndarray) -> dict:
 
     return {Station.MOTOR: motor, Station.GEAR: joint, Station.LOAD: load, Station.SPRING: joint,
             Station.GEOMETRY: geometry, Station.DEVICE: geometry}
+
+
+def _flange_transfer(view: View, moves: Passed):
+    """The same of what the flange carries: through springs of joints, and what else gives way under it."""
+    def flange(columns, derivative):
+        by_torque = view.rest_load.by_flange(view.q)[:, :, columns]
+        out = view.transfers[Station.LOAD](tuple(range(view.axes)), by_torque @ derivative)
+        for _, change in moves:
+            if (slope := change.by_signal.get("flange_load")) is not None:
+                out[:, list(change.columns)] += slope[:, :, columns] @ derivative
+        return out
+
+    return flange
 
 
 def _placed(robot: Robot, layout: Layout, session: int) -> Robot:

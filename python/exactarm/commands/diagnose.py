@@ -39,6 +39,7 @@ from exactarm.diagnose.diagnosis import diagnose as find_causes
 from exactarm.diagnose.draft import Draft
 from exactarm.diagnose.not_noise import probability_of as probability_not_noise
 from exactarm.diagnose.posterior import Causes
+from exactarm.diagnose.signal import LOAD
 from exactarm.diagnose.verdict import UNEXPLAINED, remains
 from exactarm.errors import InputError
 from exactarm.identify.session_payloads import session_payloads
@@ -102,6 +103,7 @@ def diagnose(robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, thread
         results.append(result)
         doubts = result.problem.doubts(result.selection.fits[-1])
         warnings += [line for line in (*told, *found, *doubts) if line not in warnings]
+    warnings += [line for result in results if (line := _mounted_otherwise(result)) is not None]
     first = results[0]
     also: dict[str, Any] = {"also": [_json(other) for other in results[1:]]} if len(results) > 1 else {}
     also |= {"skipped": skipped} if skipped else {}
@@ -123,6 +125,15 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     return diagnose(arguments.robot, arguments.files, seed=arguments.seed, threads=arguments.threads,
                     kind=arguments.kind,
                     fixture=arguments.fixture, sessions=arguments.sessions, progress=arguments.progress)
+
+
+def _mounted_otherwise(result: Diagnosis) -> str | None:
+    """In words: what no spring explains follows a load of declared masses, as under another gravity."""
+    follow = any(signal.quantity == LOAD for structure in result.unknown for signal in structure.signals)
+    if not follow or result.problem.robot.links is None or result.problem.robot.generic_masses:
+        return None
+    return ("what no spring explains follows the load that the robot file's masses make: is the arm mounted "
+            "as its file's gravity_m_s2 says?")
 
 
 def _json(result: Diagnosis) -> dict[str, Any]:

@@ -35,7 +35,7 @@ from exactarm.diagnose.posterior import Causes, find_causes, selection_of, steps
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.selected import Accepted, Selection
-from exactarm.diagnose.selection import Progress, select
+from exactarm.diagnose.selection import Progress, select, select_anew
 from exactarm.diagnose.signal import Structure
 from exactarm.diagnose.verdict import (
     UNEXPLAINED,
@@ -279,7 +279,7 @@ def _search(problem: Problem, declared: Layout, progress: Progress) -> tuple[Sel
     causes = find_causes(part, declared, progress) if problem.by_posterior else None
     declared = declared if causes is None else causes.fits[0].layout
     if causes is None:
-        found = select(part, declared, progress)
+        declared, found = select_anew(part, declared, progress)
     else:
         found = selection_of(causes)
         if causes.unknown and not causes.places:

@@ -29,7 +29,6 @@ from exactarm.identify.calibrate import (
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, reestimated_layout
 from exactarm.identify.match import require_match
 from exactarm.identify.pose_fit import PoseFit, fit_poses
-from exactarm.noise.model import NoiseModel
 from exactarm.robot.robot import Robot
 
 
@@ -59,10 +58,9 @@ class PoseProblem(ProblemAtRest):
         """The declared model beside these frames, whether the poses can tell its parameters or not."""
         return frames.joined(geometry_layout(self.robot)).joined(reestimated_layout(self.robot, self.data))
 
-    def declared_under(self, declared: Layout, noise: NoiseModel) -> Layout:
+    def declared_under(self, declared: Layout, sigma: np.ndarray) -> Layout:
         frames = Layout.of(tuple(e for e in declared.effects if e.frames_of is not None))
         whole = Layout(declared.effects, self._whole(frames).free)
-        sigma = noise.of_a_row
         sigma = np.sqrt(np.mean(sigma.reshape(-1, 3) ** 2, axis=1))
         told, _ = identifiable_layout(self.robot, whole, self.data, self.orientation, sigma, self.threads)
         return Layout(declared.effects, tuple(a | b for a, b in zip(declared.free, told.free)))

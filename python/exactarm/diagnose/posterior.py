@@ -90,7 +90,7 @@ def find_causes(problem: Problem, declared: Layout, progress: Progress = lambda 
     found = _causes(problem, declared, progress)
     if found is None:
         return None
-    wider = problem.declared_under(found.fits[0].layout, found.noise)
+    wider = problem.declared_under(found.fits[0].layout, found.noise.of_a_row)
     if wider.size > declared.size:
         progress(f"searching anew with {wider.size - declared.size} more declared parameters")
         again = _causes(problem, wider, progress)

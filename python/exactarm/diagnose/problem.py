@@ -58,9 +58,9 @@ class Problem(ABC):
     def declared(self) -> Layout:
         """The declared model, ready to be re-identified; parameters that the data cannot tell are held."""
 
-    def declared_under(self, declared: Layout, noise: NoiseModel) -> Layout:
-        """The declared model with what else can be told where the noise is this: beside a strong cause, or
-        gross rows, less can be told than without."""
+    def declared_under(self, declared: Layout, sigma: np.ndarray) -> Layout:
+        """The declared model with what else can be told where the noise of a row is sigma (m,): beside a
+        strong cause, or gross rows, less can be told than without."""
         return declared
 
     @abstractmethod

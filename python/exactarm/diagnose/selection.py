@@ -36,9 +36,34 @@ MOST_EFFECTS = 16
 _SHORTLIST = 12
 _INDEPENDENT_SHARE, _INDEPENDENT_EVIDENCE = 0.8, 20.0
 _HIDDEN_GAIN = 1.5  # gain of the second beside the first, over what both promised alone
+_MOST_ANEW = 2  # searches with more declared parameters than the one before
 _KEPT_GAIN = 0.5  # share of the predicted gain that the joint fit must confirm
 
 Progress = Callable[[str], None]
+
+
+def select_anew(problem: Problem, declared: Layout, progress: Progress) -> tuple[Layout, Selection]:
+    """Step by step, then anew with what else of the declared model the noise beside the effects shows, as
+    `find_causes` has it: what a strong cause hid of the geometry would pass for further effects."""
+    found = select(problem, declared, progress)
+    for _ in range(_MOST_ANEW):
+        before = found.fits[0].layout
+        wider = problem.declared_under(before, found.fits[-1].sigma)
+        if wider.size <= before.size or not found.accepted:
+            break
+        progress(f"searching anew with {wider.size - before.size} more declared parameters")
+        again = select(problem, wider, progress)
+        if _likelihood_less_price(again) <= _likelihood_less_price(found):
+            break
+        declared, found = wider, again
+    return declared, found
+
+
+def _likelihood_less_price(found: Selection) -> float:
+    """By Schwarz's approximation, of the last fit under its own noise."""
+    last = found.fits[-1]
+    price = 0.5 * last.layout.size * float(np.log(last.residual.size))
+    return -len(last.residual) * float(np.sum(np.log(last.sigma))) - price
 
 
 def select(problem: Problem, declared: Layout, progress: Progress = lambda text: None,

@@ -13,6 +13,7 @@ Stations and their signals (N rows, n axes):
 
     MOTOR     motor angle theta (N, n) rad          GEAR      output angle phi (N, n) rad
     LOAD      joint torque (N, n) Nm                SPRING    joint angle q (N, n) rad
+    FLANGE    at rest: what the flange carries (N, 4): kg, and its first moment in DH frame n, kg m
     GEOMETRY  displacement of the target (N, 6): m, rad (rotation increment), measuring frame
     DEVICE    measured vector (N, m) in its units   DRIVE     drive torque (N, n) Nm, output side
 
@@ -66,7 +67,7 @@ class Effect(ABC):
     of_one_session: ClassVar[bool] = False  # the rows of one alone tell of it
     by_load: ClassVar[bool] = False  # its size or side is decided by the load of a joint
     per_load: ClassVar[bool] = False  # all its values are sizes per Nm of that load
-    gives_way: ClassVar[bool] = False  # a spring of a joint: what is carried shows through it
+    gives_way: ClassVar[bool] = False  # a spring: what is carried shows through it
     # a Gaussian prior around the declared values, as wide as they are plausible
     drawn_to_declared: ClassVar[bool] = False
     repeatable: ClassVar[bool] = False  # several of them may act on one axis (harmonics of different orders)

@@ -7,12 +7,9 @@ axis.
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-import numpy as np
-
 from exactarm.data.kinds import WITH_TARGET
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.effects.gravity_moment import gravity_moment
-from exactarm.effects.moving_frames import turned_about
+from exactarm.effects.gravity_moment import bending
 
 
 @dataclass(frozen=True)
@@ -26,6 +23,7 @@ class BaseCompliance(Effect):
     compensable = True
     by_load = True
     per_load = True
+    gives_way = True
     per_joint = False
     sentence = (
         "the foundation tilts, or axis 1 bends across itself (the two look alike), by {rad_per_Nm:.3g} rad "
@@ -36,14 +34,8 @@ class BaseCompliance(Effect):
         return (Parameter("rad_per_Nm", 1e-6, 0.0),)
 
     def change(self, view) -> Change:
-        compliance = self.values[0]
-        at = gravity_moment(view, 0)
-        # Joint 1 stands on the base: its axis is the base's z, its origin the base's.
-        up = at.axis[:, :, None] * at.axis[:, None, :]
-        across = np.eye(3) - up
-        value, by_q = turned_about(view, (across @ at.moment[:, :, None])[:, :, 0],
-                                   across @ at.moment_by_q, at.point, at.point_by_q)
-        return Change(tuple(range(6)), compliance * value, value[:, :, None], {"q": compliance * by_q})
+        """Joint 1 stands on the base: its axis is the base's z, its origin the base's."""
+        return bending(view, 0, self.values[0])
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:

@@ -9,12 +9,9 @@ Weigold and Rothenbuecher 2007; Klimchik et al. 2013).
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-import numpy as np
-
 from exactarm.data.kinds import WITH_TARGET
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.effects.gravity_moment import gravity_moment
-from exactarm.effects.moving_frames import turned_about
+from exactarm.effects.gravity_moment import bending
 
 
 @dataclass(frozen=True)
@@ -28,6 +25,7 @@ class LinkCompliance(Effect):
     compensable = True
     by_load = True
     per_load = True
+    gives_way = True
     sentence = "bearing and link of axis {joint} bend across the axis by {rad_per_Nm:.3g} rad per Nm"
     source = "Abele, Weigold and Rothenbuecher 2007; Klimchik et al. 2013"
 
@@ -35,16 +33,7 @@ class LinkCompliance(Effect):
         return (Parameter("rad_per_Nm", 2e-6, 0.0),)
 
     def change(self, view) -> Change:
-        compliance = self.values[0]
-        at = gravity_moment(view, self.index)
-        along = np.sum(at.axis * at.moment, axis=1)
-        across = at.moment - at.axis * along[:, None]
-        along_by_q = (np.einsum("ni,nij->nj", at.axis, at.moment_by_q)
-                      + np.einsum("ni,nij->nj", at.moment, at.axis_by_q))
-        across_by_q = (at.moment_by_q - at.axis_by_q * along[:, None, None]
-                       - at.axis[:, :, None] * along_by_q[:, None, :])
-        value, by_q = turned_about(view, across, across_by_q, at.point, at.point_by_q)
-        return Change(tuple(range(6)), compliance * value, value[:, :, None], {"q": compliance * by_q})
+        return bending(view, self.index, self.values[0])
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:

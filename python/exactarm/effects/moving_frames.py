@@ -57,7 +57,13 @@ def turned_about(view, rotation: np.ndarray, rotation_by_q: np.ndarray, point: n
     target_by_q = view.target_by("q")
     if target_by_q is not None:
         arm_by_q = target_by_q[:, :3] + arm_by_q
-    value = np.concatenate([np.cross(rotation, arm), rotation], axis=1)
+    value = turn_slope(view, rotation[:, :, None], point)[:, :, 0]
     turned = (np.cross(rotation_by_q, arm[:, :, None], axis=1)
               + np.cross(rotation[:, :, None], arm_by_q, axis=1))
     return value, np.concatenate([turned, rotation_by_q], axis=1)
+
+
+def turn_slope(view, rotation: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """(N, 6, k) displacement of the target by small rotations (N, 3, k) about `point` (N, 3)."""
+    arm = view.signals["target"] - point
+    return np.concatenate([np.cross(rotation, arm[:, :, None], axis=1), rotation], axis=1)

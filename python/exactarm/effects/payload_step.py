@@ -1,12 +1,11 @@
 """Payload step: on some rows of a session the flange carries a mass that nobody wrote down.
 
-    torque += Y_n(q) pi,   pi (10,) of mass m and first moment s, as in payload.py
+    flange_load += (m, s),   m kg, s kg m the first moment in DH frame n
 
-on all rows of one session, or on those after or up to a place in their order; Y_n (n, 10): columns of the
-last link in the regressor of the joint torque at rest. At rest a payload shows only through the springs of
-joints, declared or found; what bearings and base do under it is left out. m and what is declared on these
-rows cannot be negative together. Plausible is a tenth of the arm's mass, and a centre 0.2 m from the flange
-(prior of the moments). Under generic masses m is relative to them, as the springs are.
+on all rows of one session, or on those after or up to a place in their order. At rest a payload shows only
+through what gives way under it, declared or found: springs of joints, bearings and the base. m and what is
+declared on these rows cannot be negative together. Plausible is a tenth of the arm's mass, and a centre 0.2 m
+from the flange (prior of the moments). Under generic masses m is relative to them, as the springs are.
 """
 
 from collections.abc import Iterable
@@ -14,10 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from exactarm import _core
 from exactarm.data.kinds import POSES
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.effects.payload import inertial
 from exactarm.effects.slow_driver import clock_of
 from exactarm.effects.step_in_order import StepInOrder
 from exactarm.rest_load import TIP_SHARE
@@ -37,7 +34,7 @@ class PayloadStep(StepInOrder):
 
     name = "payload_step"
     plain = "a payload that nobody wrote down"
-    station = Station.LOAD
+    station = Station.FLANGE
     kinds = (POSES.name,)
     by_load = True
     carried = True
@@ -94,19 +91,17 @@ class PayloadStep(StepInOrder):
         return {} if self.rows == ALL else super().searched_between(view)
 
     def shape(self, view):
-        slope = inertial(self.values[-4:])[1]
-        return view.transfers[Station.LOAD](tuple(range(view.axes)), _by_inertial(view) @ slope)
+        return view.transfers[Station.FLANGE](tuple(range(4)), np.tile(np.eye(4), (view.rows, 1, 1)))
 
     def change(self, view) -> Change:
-        pi, slope = inertial(self.values[-4:])
-        regressor = self.acts(view.data)[:, None, None] * _by_inertial(view)
-        derivative = np.zeros((view.rows, view.axes, len(self.values)))
-        derivative[:, :, -4:] = regressor @ slope
-        return Change(tuple(range(view.axes)), regressor @ pi, derivative)
+        acts = self.acts(view.data)
+        derivative = np.zeros((view.rows, 4, len(self.values)))
+        derivative[:, :, -4:] = acts[:, None, None] * np.eye(4)
+        return Change(tuple(range(4)), acts[:, None] * np.array(self.values[-4:]), derivative)
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
-        if not view.has_masses or "measured" not in view.signals or Station.LOAD not in view.transfers:
+        if not view.has_masses or "measured" not in view.signals or Station.FLANGE not in view.transfers:
             return
         plausible = TIP_SHARE * sum(link.mass for link in robot.links)
         declared = np.zeros(view.rows) if view.data.payload is None else view.data.payload[0]
@@ -119,8 +114,3 @@ class PayloadStep(StepInOrder):
             yield from (replace(whole, values=(tried[0], *whole.values), rows=side, search=tried)
                         for side in ((AFTER, UP_TO) if tried else ()))
 
-
-def _by_inertial(view) -> np.ndarray:
-    """(N, n, 10) what a unit of each inertial parameter at the flange does to the torques at rest."""
-    still = np.zeros_like(view.q)
-    return _core.dynamics_regressor(view.robot.core, view.q, still, still, view.threads)[:, :, -10:]

@@ -260,6 +260,7 @@ def _covariance(robot: Robot, data: Dataset, layout: Layout, fit: Fit) -> Parame
     mine = np.concatenate([np.full(int(free.sum()), mine) for mine, free in zip(told, layout.free)])
     mine &= np.isinf(layout.prior)
     left = predict_poses(robot, layout, data, tangents=False).residual()[:, :3]
+    left = left[np.isfinite(left).all(axis=1)]  # touches beside tracked poses have no position
     freedom = max(left.size - layout.size, 1)
     noise = float(np.sqrt(np.sum(left**2) / freedom))
     names = tuple(name for name, keep in zip(layout.names, mine) if keep)

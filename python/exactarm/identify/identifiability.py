@@ -9,7 +9,9 @@ J (R, P): stacked identification Jacobian (thesis (3.9)), columns scaled to unit
 Order of preference: the frames of the sessions (every measurement needs them, E8), then geometry axis by
 axis, joint offsets, gear ratios, effects; so of two colliding parameters the one nearer to the base stays.
 With the noise known, a parameter whose standard deviation exceeds its plausible magnitude is dropped too: its
-estimate would be noise (the weakest direction first, in it the parameter that comes last in the order).
+estimate would be noise (the weakest direction first, in it the parameter that comes last in the order). What
+collided with that one alone is then told without it: of two axes 0.02 degrees off parallel, d of both and the
+zero of the second collide, and the noise hides the second d.
 """
 
 from collections.abc import Sequence
@@ -93,16 +95,24 @@ def select_identifiable(jacobian: np.ndarray, names: Sequence[ParameterId], *, k
     order = [j for j in preference(names, keep_first) if seen[j]]
     kept, exact = _ordered_qr(unit, order)
     dropped = [Dropped(names[j], no_effect(names[j]), (), True) for j in np.flatnonzero(~seen)]
-    for j, partners in exact:
-        others = tuple(names[k] for k in partners)
-        dropped.append(Dropped(names[j], move_alike(names[j], others, arm), others, True))
     deviations = None
     if sigma is not None:
         kept, hidden, deviations = _above_noise(unit, length, kept, sigma, plausible, len(names))
+        while exact and hidden:  # what collides with a hidden one alone is told without it
+            without = [j for j in order if j not in {k for k, *_ in hidden}]
+            again, collide = _ordered_qr(unit, without)
+            if len(collide) == len(exact):
+                break
+            exact = collide
+            kept, more, deviations = _above_noise(unit, length, again, sigma, plausible, len(names))
+            hidden += more
         for j, partners, deviation in hidden:
             others = tuple(names[k] for k in partners)
             why = hardly_differ(names[j], others, arm, deviation, size[j])
             dropped.append(Dropped(names[j], why, others, False))
+    for j, partners in exact:
+        others = tuple(names[k] for k in partners)
+        dropped.append(Dropped(names[j], move_alike(names[j], others, arm), others, True))
     mask = np.zeros(len(names), bool)
     mask[kept] = True
     scaled = (jacobian * column_scale(names, plausible))[:, mask]

@@ -84,17 +84,19 @@ def load_lines(robot: Robot, data: Dataset) -> tuple[str, ...]:
 
 def guess_line(robot: Robot, data: Dataset) -> str | None:
     """In words: loads that are those of generic masses; None where there are none."""
-    measured = RestLoad.of(robot, data).fixed.all(axis=0)
+    load = RestLoad.of(robot, data)
+    measured = load.fixed.all(axis=0)
     if not robot.generic_masses or measured.all():
         return None
     by = "of the mass that it declares" if robot.mass else "by its lengths"
     by = "scaled to the measured torques" if measured.any() else by
     total = sum(link.mass for link in robot.links)
     other = "other " if measured.any() else ""
+    sizes = ("stiffness has its size by the known payloads, which differ" if load.payload_varies else
+             "what depends on a load has its size by it, and a diagnosis an interval as wide as arms differ: "
+             "declare [[links]] or give measured torques to make it absolute")
     return (f"the robot file declares no link masses: {other}loads are those of a generic "
-            f"distribution of {total:.3g} kg ({by}); what depends on a load has its size by it, "
-            "and a diagnosis an interval as wide as arms differ: "
-            "declare [[links]] or give measured torques to make it absolute")
+            f"distribution of {total:.3g} kg ({by}); {sizes}")
 
 
 def load_json(robot: Robot, data: Dataset) -> dict:

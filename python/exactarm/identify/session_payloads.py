@@ -13,12 +13,12 @@ from exactarm.chain import Layout
 from exactarm.data.columns import PAYLOAD, PAYLOAD_CENTRE
 from exactarm.data.dataset import Dataset
 from exactarm.errors import InputError
-from exactarm.measurement.session_payload import SessionPayload
+from exactarm.measurement.session_payload import SessionPayload, SessionPayloadInMotion
 
 _KNOWN_CENTRE = PAYLOAD_CENTRE[0]
 
 
-def payload_layout(data: Dataset) -> Layout:
+def payload_layout(data: Dataset, of: type[SessionPayload] = SessionPayload) -> Layout:
     """The payload of every unweighed session of `data`, at no mass; its centre is the data's, if any."""
     found = []
     for session in data.unweighed:
@@ -26,7 +26,7 @@ def payload_layout(data: Dataset) -> Layout:
         if rows.size:
             centre = data.payload[1][rows[0]] if _KNOWN_CENTRE in data.covariates else None
             known = None if centre is None else tuple(float(x) for x in centre)
-            found.append(SessionPayload(None, (0.0,) * (4 if known is None else 1), session, known))
+            found.append(of(None, (0.0,) * (4 if known is None else 1), session, known))
     return Layout.of(tuple(found))
 
 
@@ -43,7 +43,7 @@ def payload_layout_of_motion(train: Dataset, masses_estimated: bool) -> Layout:
         raise InputError("no session's payload is known and the masses of the links are estimated too: the "
                          "torques show their sum alone; expected the payload_kg of one session (0 for a bare "
                          "flange)", file=train.first_file, column=PAYLOAD)
-    return payload_layout(train)
+    return payload_layout(train, SessionPayloadInMotion)
 
 
 @dataclass(frozen=True)

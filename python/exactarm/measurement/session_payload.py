@@ -1,12 +1,13 @@
 """Session payload: a mass at the flange that nobody has weighed, one for each session.
 
-    torque += Y_n(q) pi,   pi (10,) of mass m and first moment s = m c, as in exactarm.effects.payload
+    at rest:      flange_load += (m, s),   m kg, s = m c the first moment in DH frame n
+    in a motion:  torque += Y_n(q) pi,     pi (10,) of m and s, as in exactarm.effects.payload
 
-Y_n (n, 10): columns of the last link in the regressor of the joint torque, DH frame n; at rest its gravity
-alone counts, and in a motion the body is part of the last link (`carries`). c (m): given, then m (kg) is the
-only parameter, else m and s (kg m). At rest it shows only through what gives way under load, so springs have
-to be known or estimated with it from loads that are known; in a motion the drives feel it. It belongs to the
-set-up, like a frame: a nuisance of the declared model, never part of the robot.
+Y_n (n, 10): columns of the last link in the regressor of the joint torque, DH frame n; in a motion the body
+is part of the last link (`carries`). c (m): given, then m (kg) is the only parameter, else m and s (kg m).
+At rest it shows only through what gives way under load, so springs have to be known or estimated with it
+from loads that are known; in a motion the drives feel it. It belongs to the set-up, like a frame: a nuisance
+of the declared model, never part of the robot.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ class SessionPayload(Effect):
     session: int = 1
     centre: tuple[float, float, float] | None = None
 
-    station: ClassVar[Station] = Station.LOAD
-    kinds: ClassVar[tuple[str, ...]] = (POSES.name, CLOSURES.name, MOTION.name)
+    station: ClassVar[Station] = Station.FLANGE
+    kinds: ClassVar[tuple[str, ...]] = (POSES.name, CLOSURES.name)
     declared: ClassVar[bool] = True
     by_load: ClassVar[bool] = True
     per_joint: ClassVar[bool] = False
@@ -66,15 +67,21 @@ class SessionPayload(Effect):
         return slope @ np.asarray(self.values), slope
 
     def change(self, view) -> Change:
+        acts = (view.data.session == self.session).astype(float)[:, None]
+        pi, slope = (part[:4] for part in self._inertial())
+        return Change(tuple(range(4)), acts * pi, acts[:, :, None] * slope)
+
+
+class SessionPayloadInMotion(SessionPayload):
+    """The same while the arm moves, which carries it itself."""
+
+    station: ClassVar[Station] = Station.LOAD
+    kinds: ClassVar[tuple[str, ...]] = (MOTION.name,)
+
+    def change(self, view) -> Change:
         at = np.flatnonzero(view.data.session == self.session)
-        pi, slope = self._inertial()
-        q = view.q[at]
-        names = ("q_dot", "q_ddot")
-        rates = [view.signals[name][at] if view.is_series else np.zeros_like(q) for name in names]
-        regressor = _core.dynamics_regressor(view.robot.core, q, *rates, view.threads)[:, :, -10:]
-        value = np.zeros((view.rows, view.axes))
+        motion = (view.signals[name][at] for name in ("q", "q_dot", "q_ddot"))
+        regressor = _core.dynamics_regressor(view.robot.core, *motion, view.threads)[:, :, -10:]
         derivative = np.zeros((view.rows, view.axes, len(self.values)))
-        derivative[at] = regressor @ slope
-        if not view.is_series:  # there the arm itself carries it
-            value[at] = regressor @ pi
-        return Change(tuple(range(view.axes)), value, derivative)
+        derivative[at] = regressor @ self._inertial()[1]
+        return Change(tuple(range(view.axes)), np.zeros((view.rows, view.axes)), derivative)
