@@ -163,6 +163,8 @@ def test_a_tracker_and_planes_are_one_estimate_and_a_tracker_judges_the_planes()
     assert by_both.data.position is not None and set(by_both.data.session) == {1, 2, 3, 9}
     assert error(by_planes) < 1.5 * error(by_tracker)
     assert error(by_both.robot) < 1.02 * error(by_tracker)
+    # of the rows that have a position: the robot file takes no other number
+    assert by_both.robot.covariance.noise_m == pytest.approx(NOISE_M, rel=0.2)
 
 
 def together(planes: Dataset, tracked: Dataset) -> Dataset:
