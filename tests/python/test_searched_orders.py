@@ -41,12 +41,14 @@ def test_no_order_is_tried_of_which_less_than_one_wave_was_seen():
     assert min(tried(40.0, 0.7)) >= 2.0 * np.pi / 0.7
 
 
-def test_what_follows_direction_or_speed_is_a_rival_there():
-    """Runs to one side, or at one speed, cannot tell them from an angle error, which stood at 1.00 alone."""
+def test_what_follows_the_direction_is_a_rival_there():
+    """Runs to one side cannot tell it from an angle error, which stood at 1.00 alone. What follows the speed is
+    none: on the shipped runs of a KR300 it raised the error of rows that were not fitted from 65 to 70 urad."""
     view, robot = swept(5.0, 1.6), rigid()
     view.signals["theta_dot"] = view.direction
-    for family in (DirectionDependence, SpeedDependence):
-        tried = [e.parameters()[0].search for e in family.candidates(robot, view) if e.joint == 4]
-        assert any(5.0 in search for search in tried)
+    tried = {family: [e.parameters()[0].search for e in family.candidates(robot, view) if e.joint == 4]
+             for family in (DirectionDependence, SpeedDependence)}
+    assert any(5.0 in search for search in tried[DirectionDependence])
+    assert not any(5.0 in search for search in tried[SpeedDependence])
     assert slow_orders(rigid(), view, 3) == (4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0)
     assert not set(slow_orders(rigid(), view, 3)) & set(searched_orders(rigid(), view, 3))
