@@ -42,8 +42,8 @@ def test_no_order_is_tried_of_which_less_than_one_wave_was_seen():
 
 
 def test_what_follows_the_direction_is_a_rival_there():
-    """Runs to one side cannot tell it from an angle error, which stood at 1.00 alone. What follows the speed is
-    none: on the shipped runs of a KR300 it raised the error of rows that were not fitted from 65 to 70 urad."""
+    """Runs to one side cannot tell it from an angle error, which stood at 1.00 alone. What follows the speed
+    is none: on the shipped runs of a KR300 it raised the error of rows never fitted from 65 to 70 urad."""
     view, robot = swept(5.0, 1.6), rigid()
     view.signals["theta_dot"] = view.direction
     tried = {family: [e.parameters()[0].search for e in family.candidates(robot, view) if e.joint == 4]
