@@ -8,7 +8,7 @@ import pytest
 from exactarm.chain import Layout
 from exactarm.identify.closures import calibrate_closures
 from exactarm.identify.declared import geometry_layout
-from exactarm.identify.size_doubt import size_doubts
+from exactarm.identify.size_doubt import scale_doubt, size_doubts
 from exactarm.numerics.regression import Fit
 from exactarm.robot_file import load_robot
 from test_closures import touched
@@ -39,3 +39,21 @@ def test_arms_that_are_right_are_doubted_once_in_ten_thousand():
         object.__setattr__(fit, "covariance", 1e-10 * np.eye(count))
         doubted += len(size_doubts(layout.at(values), fit, drawing)) > 0
     assert doubted <= 2
+
+
+@pytest.mark.parametrize(("factor", "own", "said"), [
+    (1.5e-3, 0.0, True), (1e-4, 0.0, False),  # of all lengths together
+    (0.0, 2e-4, False),  # every length by itself
+])
+def test_a_factor_that_undoes_the_calibration_is_told(factor, own, said):
+    layout: Layout = geometry_layout(load_robot("ur10"))
+    lengths = np.where([name.unit == "m" for name in layout.names], layout.values, 0.0)
+    drawing = {name: (value, 1e-3) for name, value in zip(layout.names, layout.values)}
+    fit = Fit.__new__(Fit)
+    covariance = factor**2 * np.outer(lengths, lengths) + own**2 * np.eye(layout.size)
+    for name, value in (("covariance", covariance), ("freedom", 100)):
+        object.__setattr__(fit, name, value)
+    lines = scale_doubt(layout, fit, drawing, 1.3)
+    assert bool(lines) == said
+    if said:
+        assert "to 3 mm per m, 3.9 mm at the arm's reach" in lines[0]

@@ -32,7 +32,7 @@ from exactarm.identify.loads import kept_masses, with_loads
 from exactarm.identify.match import WORST_SHARE, reach
 from exactarm.identify.partner_misfit import partner_misfit
 from exactarm.identify.partner_prior import known_of_partner, partner_warnings, with_open_partner
-from exactarm.identify.size_doubt import size_doubts
+from exactarm.identify.size_doubt import scale_doubt, size_doubts
 from exactarm.identify.statistics import summarise
 from exactarm.measurement.closures import (
     PAIR,
@@ -111,7 +111,7 @@ def calibrate_closures(robot: Robot, data: Dataset, options: CalibrationOptions 
                        orientation=fit.prediction.used.shape[1] == 6,
                        beside_before=beside(declared.nominal, before),
                        beside_after=beside(fit, after),
-                       warnings=(*_warnings(declared, train), *far_from_drawing(drawn, new),
+                       warnings=(*_warnings(robot, declared, train), *far_from_drawing(drawn, new),
                                  *length_doubts(fit, train, declared.pulls, options.threads),
                                  *gross_corner_warning(data), *unjudged_lines(rows),
                                  *partner_warnings(fit, train, declared.pulls, options.threads)))
@@ -323,7 +323,7 @@ def gross_corner_warning(data: Dataset) -> tuple[str, ...]:
             "their picture and are left out: wrongly found, or wrongly numbered",)
 
 
-def _warnings(declared: DeclaredClosures, data: Dataset):
+def _warnings(robot: Robot, declared: DeclaredClosures, data: Dataset):
     fit = declared.fit
     if not fit.fit.converged:
         yield (
@@ -331,6 +331,7 @@ def _warnings(declared: DeclaredClosures, data: Dataset):
             "with the wrong number")
     if scale_is_known(fit.layout, data):
         yield from size_doubts(fit.layout, fit.fit, declared.pulls.drawing)
+        yield from scale_doubt(fit.layout, fit.fit, declared.pulls.drawing, reach(robot))
     else:
         yield SCALE
     if gravity_alone(data):

@@ -1,4 +1,5 @@
-"""Is a known length of a fixture wrong? All lengths of the arm then leave their drawing by one factor.
+"""Is a known length of a fixture wrong, or too short? All lengths of the arm then leave their drawing by one
+factor, or have one in common that hardly anything tells.
 
     x_i - x0_i = s x0_i + e_i,    e_i: what this arm's lengths miss their drawing by in any case
 
@@ -17,6 +18,7 @@ from exactarm.numerics.regression import Fit
 _BY_CHANCE = 1e-4  # of arms that are right, of which the line is said
 _TOLD = 0.9  # of its deviation from the drawing, which is the standard error of a length that no row shows
 _LEAST = 4  # lengths
+_UNCALIBRATED_M = 1e-3  # what an arm errs by that nobody has calibrated
 
 
 def size_doubts(layout: Layout, fit: Fit, drawing: Mapping[str, tuple[float, float]]) -> tuple[str, ...]:
@@ -37,3 +39,21 @@ def size_doubts(layout: Layout, fit: Fit, drawing: Mapping[str, tuple[float, flo
     return (f"the lengths of the arm come out {abs(growth):.2%} {more} than its drawing, all alike: is a "
             "known length (of the fixture, a bar, the board's squares, a tracker) wrong by the factor "
             f"{1.0 + growth:.4g}?",)
+
+
+def scale_doubt(layout: Layout, fit: Fit, drawing: Mapping[str, tuple[float, float]],
+                reach_m: float) -> tuple[str, ...]:
+    """One line where the common factor of all lengths is known so little that at its reach the arm may err as
+    if it had not been calibrated: short known lengths hardly fix it, whatever the touches leave."""
+    mine = [i for i, name in enumerate(layout.names) if name in drawing and name.unit == "m"]
+    lengths = layout.values[mine]
+    square = float(lengths @ lengths)
+    if square == 0.0:
+        return ()
+    deviation = np.sqrt(float(lengths @ fit.covariance[np.ix_(mine, mine)] @ lengths)) / square
+    half = float(fit.half_width(deviation))
+    if half * reach_m <= _UNCALIBRATED_M:
+        return ()
+    return (f"the known lengths tell the common factor of all lengths to {1e3 * half:.2g} mm per m, "
+            f"{1e3 * half * reach_m:.2g} mm at the arm's reach, whatever the touches leave: a longer known "
+            "distance narrows it",)
