@@ -90,6 +90,7 @@ def test_one_noisy_day_is_no_change_and_hides_none():
     assert result["since"]["day"] == "day 3"
 
 
+@pytest.mark.slow
 def test_an_alarm_of_the_last_day_alone_asks_for_another_measurement():
     arm, truth, q, random = an_arm_for(26)
     new = [*days_of(truth, q, random, 3, arm), *days_of(moved(truth, "q2", 1e-3), q, random, 2, arm)]

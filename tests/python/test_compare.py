@@ -52,6 +52,7 @@ def test_a_plan_is_worth_three_orders_of_magnitude_on_both_engines(tmp_path, cap
     assert "micrometres" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_without_deviation_only_deflection_and_gears_part_the_rigid_motions_from_the_plan(tmp_path):
     code, out = compare(tmp_path, "--deviation", "0", "--engine", "own", "--gear-direction", "cw")
     assert code == 0

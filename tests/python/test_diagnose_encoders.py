@@ -60,6 +60,7 @@ def result(robot):
     return diagnose(robot, measured(robot, COMPLIANCE))
 
 
+@pytest.mark.slow
 def test_names_the_gear_that_winds_up_under_a_measured_torque(result):
     assert [(f.effect.name, f.effect.joint) for f in result.findings] == [("load_dependence", 2)]
     (low, high), (least, most) = result.findings[0].intervals

@@ -109,6 +109,7 @@ def test_a_wave_of_another_size_each_way_is_found_in_two_speeds(racer):
     assert result.verdict == EXPLAINED and result.after["validation"].rms < 1.05 * NOISE
 
 
+@pytest.mark.slow
 def test_gear_that_was_found_to_be_even_is_no_obstacle(racer):
     """`exactarm gear` writes an empty table where no order stands out of the noise."""
     even = GearTable(np.zeros(0), np.zeros(0), np.zeros(0))

@@ -24,6 +24,7 @@ def motion(request, tmp_path_factory):
     return load_robot(name), ea.simulate(name, file, noise=5e-5, deviation=1).data
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("factor", [1.2, 1.0 / 1.2])
 def test_lengths_of_another_scale_are_told_with_their_factor(motion, factor):
     robot, data = motion

@@ -61,6 +61,7 @@ def followed(runs, seed: int, error=lambda q: 0.0 * q, share: float | None = Non
     return dossier(problem, replace(fitted, noise=known))
 
 
+@pytest.mark.slow
 def test_pink_noise_of_a_gyroscope_is_no_structure(runs):
     """Also where causes that were not accepted were taken for what is slow in it, as the share of independent
     numbers is estimated: a clean run followed the time beyond chance (6.6e-9)."""

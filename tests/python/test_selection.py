@@ -54,6 +54,7 @@ def fitted_problem(robot, data):
     return problem, problem.declared()
 
 
+@pytest.mark.slow
 def test_nothing_is_proposed_for_an_axis_that_stands_still():
     problem, declared = fitted_problem(*poses(still=(3,)))
     found = selection.candidates_for(problem, problem.fit(declared))
@@ -83,6 +84,7 @@ def test_products_through_a_station_are_those_of_the_whole_columns():
         assert np.allclose(products.onto / size, clear.T @ fitted.whitened / size, atol=1e-6), of
 
 
+@pytest.mark.slow
 def test_a_fit_without_an_effect_is_clear_of_all_others():
     """Its basis is turned out of that of the whole fit, the rows of the effect's own priors left out."""
     problem, declared = undisturbed()
