@@ -33,6 +33,7 @@ def test_a_base_that_has_moved_far_is_the_base(seed, turn_rad, shift_m):
     assert "set up anew" in str(result.report)
 
 
+@pytest.mark.slow
 def test_days_of_two_poses_and_a_tool_that_has_moved_far_are_as_they_were():
     """Two points show no turn about their line; 5 mm of the tool are no base."""
     arm, truth, q, random = an_arm_for(15)

@@ -74,6 +74,7 @@ def noisy(data, random):
     return replace(data, position=data.position + random.normal(0.0, 6 * NOISE_M, data.position.shape))
 
 
+@pytest.mark.slow
 def test_one_noisy_day_is_no_change_and_hides_none():
     arm, truth, q, random = an_arm_for(25)
     quiet = days_of(truth, q, random, 6, arm)
@@ -110,6 +111,7 @@ def test_days_are_weighed_by_their_distance_to_the_nearest_other_one():
     assert list(weights < 1.0) == [False, False, True, False, False, False] and weights[2] < 0.1
 
 
+@pytest.mark.slow
 def test_the_first_day_is_told_however_long_ago():
     """More days since than the test looks back (WINDOW)."""
     random = np.random.default_rng(6)

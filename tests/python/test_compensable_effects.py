@@ -86,6 +86,7 @@ def planned(effects: tuple = ()) -> tuple[np.ndarray, tuple[str, ...]]:
     return np.concatenate([part.ravel() for part in parts]), model.warnings
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_a_program_and_a_plan_correct_an_effect_or_say_that_they_do_not(name):
     cls, effects = library()[name], FOUND[name]

@@ -99,10 +99,8 @@ def other_tool(data: Dataset) -> Dataset:
 
 
 POSES = {
-    "degrees as radians": (
-        lambda d: column(d, "q", scaled(slice(None), 1 / DEGREE)),
-        "degrees labelled as radians",
-    ),
+    "degrees as radians": (lambda d: column(d, "q", scaled(slice(None), 1 / DEGREE)),
+                           "degrees labelled as radians"),
     "radians as degrees": (
         lambda d: column(d, "q", scaled(slice(None), DEGREE)),
         "radians labelled as degrees",
@@ -170,6 +168,7 @@ POSES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", POSES)
 def test_a_mistake_in_poses_is_told(ur10, name):
     robot, data = ur10
@@ -247,6 +246,7 @@ MOTION = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MOTION)
 def test_a_mistake_in_a_motion_is_told(tx40, name):
     robot, data = tx40

@@ -87,6 +87,7 @@ def test_the_target_follows_the_carriage_as_a_rigid_body(build, joint):
     np.testing.assert_allclose(predicted(robot, q, effect), moved, atol=3.0 * np.abs(motions).max() ** 2)
 
 
+@pytest.mark.slow
 @ARMS
 def test_derivatives_by_all_parameters_of_the_arm(build, joint):
     """Also by those that carry the guide itself: with the arm fixed in them, a thousandth of a derivative was

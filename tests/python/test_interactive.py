@@ -58,6 +58,7 @@ OF_SEVERAL_PANELS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", OF_SEVERAL_PANELS)
 def test_of_several_panels_the_main_one_is_drawn_on_axes_that_exist(name):
     build, bars = OF_SEVERAL_PANELS[name], int(name == "error_over_workspace")  # of colours

@@ -97,6 +97,7 @@ CASES = [pytest.param(command, law, marks=MARKS[command]) for command in COMMAND
 CASES += [pytest.param(diagnose, law, marks=pytest.mark.slow) for law in (shuffled, axis_reversed)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command, law", CASES)
 def test_the_answer_follows(command, law):
     one, other = reference(command, NOISE_M), answers(*law(load_robot("ur10"), measured()), command)

@@ -83,6 +83,7 @@ def names_of(mistakes):
     return [pytest.param(name, marks=pytest.mark.slow) if name in LONG else name for name in mistakes]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", names_of(MISTAKES))
 def test_a_mistake_in_one_run_is_told_with_the_run(runs, name):
     change, words = MISTAKES[name]

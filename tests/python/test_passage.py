@@ -134,6 +134,7 @@ def test_loads_under_a_tracker_do_not_hang_on_the_passage(rigid, monkeypatch):
     assert np.max(np.abs(quick - usual)) < 0.01 * np.max(np.abs(usual))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("passage_s", [0.01, 0.03, 0.07])
 @pytest.mark.parametrize("late", [0.0, 0.5])
 def test_what_is_kept_of_a_motion_does_not_hang_on_the_passage(rigid, monkeypatch, passage_s, late):

@@ -131,6 +131,7 @@ def test_payloads_that_nobody_weighed_are_found_in_torques_beside_the_links(tmp_
     assert made.tables["payloads.csv"]["session"] == [1, 2, 3]
 
 
+@pytest.mark.slow
 def test_only_sums_of_links_and_payloads_are_refused_by_name(tmp_path):
     robot = six_axis()
     with pytest.raises(InputError, match="the torques show their sum alone; expected the payload_kg of one"):

@@ -31,6 +31,7 @@ def one(axis, factor):
     return lambda rates: rates * np.where(np.arange(rates.shape[1]) == axis - 1, factor, 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change, words", [
     (np.rad2deg, "theta_dot of all axes is 57.3 times the rate of theta: is it in degrees a second"),
     (np.deg2rad, "theta_dot of all axes is 0.0175 times the rate of theta: is it in radians a second"),

@@ -63,6 +63,7 @@ def test_springs_answer_as_the_arm_swings():
     assert error(quasi_static) > 3.0 * error(ours)
 
 
+@pytest.mark.slow
 def test_jacobian():
     robot = six_axis(springs=True)
     data = tracked(robot, seconds=0.8)
