@@ -67,7 +67,7 @@ SIGNALS = {
         "speed_dependence": (("speed of axis {j}",), "axis"),
         "load_dependence": (OF_LOAD, "axis"),
         "gyro_scale": (OF_RATE, "device"),
-        "gyro_bias": (("",), "device"),  # follows nothing
+        "gyro_bias": (("sensor",), "device"),  # follows nothing: the sensor is all there is to say
         "gyro_g_sensitivity": (("angle of axis",), "device"),
         "gyro_misalignment": (OF_RATE, "device"),
         "thermal_drift": (OF_WARMTH, "device"),
@@ -136,6 +136,8 @@ def main() -> None:
     parser.add_argument("--out", type=Path)
     arguments = parser.parse_args()
     kind, names = arguments.kind, list(SIGNALS[arguments.kind])
+    if unknown := set(arguments.only or ()) - set(names):
+        parser.error(f"{kind} have no {', '.join(sorted(unknown))}; they have {', '.join(names)}")
     marks: dict[str, list[dict]] = {name: [] for name in arguments.only or names}
     records, drafted = [], 0
     with tempfile.TemporaryDirectory() as scratch:

@@ -103,7 +103,7 @@ def diagnose(robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, thread
         results.append(result)
         doubts = result.problem.doubts(result.selection.fits[-1])
         warnings += [line for line in (*told, *found, *doubts) if line not in warnings]
-    warnings += [line for result in results if (line := _mounted_otherwise(result)) is not None]
+    warnings += dict.fromkeys(line for each in results if (line := _mounted_otherwise(each)) is not None)
     first = results[0]
     also: dict[str, Any] = {"also": [_json(other) for other in results[1:]]} if len(results) > 1 else {}
     also |= {"skipped": skipped} if skipped else {}
