@@ -128,8 +128,10 @@ def test_a_session_with_a_payload_that_nobody_wrote_down_is_named(name, seed, ma
 def test_a_payload_is_told_beside_a_spring_of_the_base(name, seed):
     """Left out of what the base does, it passed for three times as soft a base, and axis 2 for stiff.
 
-    The base is as soft as axis 2. At half of that (3e-6), the size tried first, one of two seeds of the UR10 puts both
-    springs on axis 2 (8.4e-6), and the other says the payload up to row 143 in place of the whole session."""
+    The base is as soft as axis 2. At half of that (3e-6), the size tried first, one of two seeds of the UR10
+    puts both springs on axis 2 (8.4e-6), and the other says the payload up to row 143 in place of the whole
+    session.
+    """
     springs = (JointCompliance(2, (6e-6, 0.0)), BaseCompliance(None, (6e-6,)))
     result = diagnose(*unsaid(name, seed, whole(0.0, 5.0), springs=springs))
     (step,) = steps_of(result)
