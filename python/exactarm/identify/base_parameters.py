@@ -18,6 +18,7 @@ from exactarm.robot.robot import Robot
 _STATES = 150
 _DEPENDENT = 1e-7  # of a column's own norm is left: rounding
 _SHOWN = 1e-6  # smaller factors of a group are rounding
+_DECIMALS = 9  # of a factor that are no rounding
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,8 @@ class BaseParameters:
         text = self.names[self.kept[position]]
         for factor, column in zip(self.K[position], self.dropped):
             if abs(factor) > _SHOWN:
-                size = "" if abs(abs(factor) - 1.0) < _SHOWN else f"{abs(factor):.4g} "
+                # a half of the last figure is rounded alike whatever the rounding of the sum before it
+                size = "" if abs(abs(factor) - 1.0) < _SHOWN else f"{round(abs(factor), _DECIMALS):.4g} "
                 text += f" {'-' if factor < 0 else '+'} {size}{self.names[column]}"
         return text
 
