@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from exactarm import _core
-from exactarm.chain import motion_record
+from exactarm.chain import motion_record, predict_motion
+from exactarm.chain.dry_friction import DryFriction
 from exactarm.effects.drive import smooth_sign, smooth_square
 from exactarm.identify.dynamics import friction_layout
-from exactarm.identify.friction_width import dry_friction
+from exactarm.identify.friction_width import _Axis, dry_friction
 from exactarm.view import SIGN_WIDTH_RAD_S
 from motions import fourier_motion, motion_data
 from six_axis import six_axis
@@ -59,3 +60,36 @@ def test_each_axis_takes_the_width_of_its_torque():
     assert np.all(found.width[:2] < 0.003)
     np.testing.assert_allclose(found.width[2:], widths[2:], rtol=0.1)
     assert not found.reach.any()
+
+
+def test_what_rounding_leaves_of_a_column_says_nothing():
+    """What turns over with dry friction and is the same at each reversal (a share of the load that a gear
+    loses) may be a sum of the other columns: rounding is left of it, and took whatever direction it had."""
+    robot = six_axis()
+    time, angle, rate, acceleration = fourier_motion(robot, 10.0, 500.0, 3)
+    torque = _core.inverse_dynamics(robot.core, angle + robot.offsets, rate, acceleration)
+    torque += 20.0 * np.tanh(rate / 4e-3) + np.random.default_rng(1).normal(0.0, 0.5, rate.shape)
+    record = motion_record(robot, motion_data(robot, time, angle, torque))
+    layout = friction_layout(robot, record)
+    axis = _Axis(predict_motion(robot, layout, record), layout, 1)
+    least, own = axis.left((4e-3, 0.0)), axis.rubbing.at
+
+    def with_a_sum_of_others(view):
+        torque, columns = own(view)
+        total = np.zeros(len(columns))
+        total[axis.keep] = axis.others.sum(axis=1)
+        return torque, np.column_stack([columns, total])
+
+    axis.rubbing.at = with_a_sum_of_others
+    np.testing.assert_allclose(axis.left((4e-3, 0.0)), least, rtol=1e-9)
+
+
+def test_a_law_that_is_gone_round_is_taken_half_the_way():
+    law = lambda width, reach=0.0: DryFriction(np.array([width, 0.01]), np.array([reach, 0.0]))
+    first, here = law(0.04), law(0.001)
+    np.testing.assert_allclose(here.towards(law(0.009), first).width, [0.003, 0.01])  # back
+    np.testing.assert_allclose(here.towards(law(0.0005), first).width, [0.0005, 0.01])  # further
+    turned = here.towards(law(SIGN_WIDTH_RAD_S, 1e-3), first)  # another kind of law
+    assert (turned.width[0], turned.reach[0]) == (SIGN_WIDTH_RAD_S, 1e-3)
+    reaches = law(SIGN_WIDTH_RAD_S, 1e-4).towards(law(SIGN_WIDTH_RAD_S, 4e-4), law(SIGN_WIDTH_RAD_S, 1e-3))
+    np.testing.assert_allclose(reaches.reach, [2e-4, 0.0])

@@ -39,6 +39,17 @@ class DryFriction:
         """The same drives in other runs."""
         return replace(self, start=None)
 
+    def towards(self, proposed: DryFriction, earlier: DryFriction) -> DryFriction:
+        """The one proposed; half the way there, by the ratio, of a width or reach that goes back on the step
+        from `earlier` to here: what it goes round lies between."""
+        alike = ((self.reach > 0.0) == (proposed.reach > 0.0)) & ((self.reach > 0.0) == (earlier.reach > 0.0))
+        parts = {}
+        for name in ("width", "reach"):
+            first, here, there = (getattr(dry, name) for dry in (earlier, self, proposed))
+            back = alike & ((there - here) * (here - first) < 0.0)
+            parts[name] = np.where(back, np.sqrt(here * there), there)
+        return replace(proposed, **parts)
+
     @property
     def values(self) -> tuple:
         """What tells it from another."""

@@ -21,7 +21,7 @@ from scipy import linalg
 from exactarm.diagnose.admissible import LEAST_EVIDENCE
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.joint_fit import candidates_for
-from exactarm.diagnose.orthonormal import orthonormal
+from exactarm.diagnose.orthonormal import added_to
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import Candidate, linear_columns, log_evidence, scan
 from exactarm.noise.autocorrelation import autocorrelation, lags_within
@@ -92,7 +92,7 @@ class ColouredNoise:
         columns = {c.label: linear_columns(fitted, c.effect) for c in strongest}
 
         def tried(group: tuple[Candidate, ...]) -> tuple[float, np.ndarray, np.ndarray]:
-            added = _added(basis, np.concatenate([columns[c.label] for c in group], axis=1))
+            added = added_to(basis, np.concatenate([columns[c.label] for c in group], axis=1))
             left = residual - added @ (added.T @ residual)
             count = max(self._share_of(left[:numbers].reshape(shape), runs,
                                        step) * (numbers - basis.shape[1]), 1.0)
@@ -112,12 +112,6 @@ class ColouredNoise:
             basis, residual = np.concatenate([basis, found[best][1]], axis=1), found[best][2]
             strongest = [c for c in strongest if c not in best]
         return residual[:numbers].reshape(shape)
-
-
-def _added(basis: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """What columns (R, k) add to an orthonormal basis, orthonormal too."""
-    left = columns - basis @ (basis.T @ columns)
-    return orthonormal(left - basis @ (basis.T @ left))
 
 
 def _share_of(noise: np.ndarray, runs: Sequence[np.ndarray], step: float) -> float:

@@ -82,8 +82,10 @@ class CrossValidation:
         if columns is None or not columns.shape[1]:
             yield from ((part, part.error, part.own[:, :0]) for part in self._parts)
             return
+        whole = np.linalg.norm(columns, axis=0)
         columns = columns - self.basis @ (self.basis.T @ columns)
         norm = np.linalg.norm(columns, axis=0)
+        norm[norm < whole * np.sqrt(np.finfo(float).eps)] = 0.0  # rounding: the free parameters explain it
         penalty = np.zeros(len(norm)) if prior is None else 1.0 / prior**2
         size = np.sqrt(norm**2 + penalty)[norm > 0]  # a column of rounding is its prior
         columns, penalty = columns[:, norm > 0] / size, penalty[norm > 0] / size**2

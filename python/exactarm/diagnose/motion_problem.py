@@ -52,7 +52,7 @@ from exactarm.robot.robot import Robot
 from exactarm.view import on_axes
 
 _COLUMNS_AT_ONCE = 48
-_TURNS = 4  # of the dry friction and the rest, each at the other's estimate
+_TURNS = 4  # at most, of the dry friction and the rest, each at the other's estimate
 _FITS_KEPT = 6  # contest and alternatives ask for the same rivals; a fit is some ten megabytes
 _BYTES_KEPT = 2e8  # of responses at one fit: the whole library over a minute of six axes
 _LEAST_SAMPLES, _LEAST_NOISE, _WHITE = 50, 1e-5, 1.2
@@ -151,12 +151,7 @@ class MotionProblem(ProblemInTime):
             record = self._turned_over(record, layout)
         share = self._noise.share
         start = None if sigma is None else sigma * np.sqrt(share)
-        found = self._estimated(layout, record, rows, start)
-        for _ in range(_TURNS):
-            again = self._turned_over(record, found.layout)
-            if again.dry is record.dry:
-                break
-            record, found = again, self._estimated(found.layout, again, rows, found.sigma)
+        record, found = self._turned_and_estimated(layout, record, rows, start)
         prediction, axes, keep = found.prediction, found.axes, record.keep & (rows > 0.0)
         residual = np.where(keep[:, None], prediction.residual()[:, axes], 0.0)
         view = prediction.view
@@ -174,6 +169,19 @@ class MotionProblem(ProblemInTime):
         other = super().knowing(fitted)
         other.record = fitted.record
         return other
+
+    def _turned_and_estimated(self, layout: Layout, record: MotionRecord, rows: np.ndarray,
+                              sigma: np.ndarray | None) -> tuple[MotionRecord, MotionFit]:
+        """At rest with each other."""
+        earlier, found = record.dry, self._estimated(layout, record, rows, sigma)
+        for _ in range(_TURNS):
+            again = self._turned_over(record, found.layout)
+            if again.dry is record.dry:
+                break
+            again = replace(again, dry=record.dry.towards(again.dry, earlier))
+            earlier, record = record.dry, again
+            found = self._estimated(found.layout, again, rows, found.sigma)
+        return record, found
 
     def _estimated(self, layout: Layout, record: MotionRecord, rows: np.ndarray,
                    sigma: np.ndarray | None) -> MotionFit:

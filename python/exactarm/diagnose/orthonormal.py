@@ -26,7 +26,12 @@ def orthonormal(columns: np.ndarray, weakest: float = 1e-6) -> np.ndarray:
 
 
 def extended(basis: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """(R, b + c) an orthonormal basis with what columns (R, k) add to it, without what is weaker than
+    """(R, b + c) an orthonormal basis with what columns (R, k) add to it."""
+    return np.concatenate([basis, added_to(basis, columns)], axis=1)
+
+
+def added_to(basis: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """(R, c) what columns (R, k) add to an orthonormal basis, orthonormal too, without what is weaker than
     1e-6."""
     norm = np.linalg.norm(columns, axis=0)
     added = columns[:, norm > 0] / norm[norm > 0]
@@ -34,7 +39,7 @@ def extended(basis: np.ndarray, columns: np.ndarray) -> np.ndarray:
         added = added - basis @ (basis.T @ added)
         values, vectors = linalg.eigh(added.T @ added)
         added = added @ (vectors[:, values > least] / np.sqrt(values[values > least]))
-    return np.concatenate([basis, added], axis=1)
+    return added
 
 
 def narrowed(basis: np.ndarray, coordinates: np.ndarray, gone: np.ndarray) -> np.ndarray:

@@ -111,7 +111,10 @@ class _Axis:
         """Square sum."""
         torque, columns = (part[self.keep] for part in self.rubbing.at(_by_law(self.view, self.axis, law)))
         clear = lambda values: values - self.basis @ (self.basis.T @ values)
-        target, added = clear(self.target - torque), _basis(clear(columns))
+        target, left = clear(self.target - torque), clear(columns)
+        # What is left of a column that the others explain is rounding: it explains nothing more.
+        left = left[:, np.sum(left**2, axis=0) > _DEPENDENT**2 * np.sum(columns**2, axis=0)]
+        added = _basis(left)
         return float(target @ target - np.sum((added.T @ target) ** 2))
 
     def start(self, law: Law) -> np.ndarray:
