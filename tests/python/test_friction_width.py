@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from exactarm import _core
-from exactarm.chain import motion_record, predict_motion
+from exactarm.chain import Layout, motion_record, predict_motion
 from exactarm.chain.dry_friction import DryFriction
 from exactarm.effects.drive import smooth_sign, smooth_square
+from exactarm.effects.thermal_drift import ThermalFriction
 from exactarm.identify.dynamics import friction_layout
 from exactarm.identify.friction_width import _Axis, dry_friction
 from exactarm.view import SIGN_WIDTH_RAD_S
@@ -82,6 +83,22 @@ def test_what_rounding_leaves_of_a_column_says_nothing():
 
     axis.rubbing.at = with_a_sum_of_others
     np.testing.assert_allclose(axis.left((4e-3, 0.0)), least, rtol=1e-9)
+
+
+def test_friction_of_all_axes_turns_over_with_each():
+    """What a law leaves does not hang on the law of the record, also beside friction that falls on all axes
+    as they warm up: with its column as the record turns it over, another law always left less."""
+    robot = six_axis()
+    time, angle, rate, acceleration = fourier_motion(robot, 10.0, 500.0, 3)
+    torque = _core.inverse_dynamics(robot.core, angle + robot.offsets, rate, acceleration)
+    torque += 20.0 * np.tanh(rate / 4e-3) + np.random.default_rng(1).normal(0.0, 0.5, rate.shape)
+    record = motion_record(robot, motion_data(robot, time, angle, torque))
+    layout = friction_layout(robot, record).joined(Layout.of((ThermalFriction(None, (2e-3,), "time"),)))
+    left = []
+    for width in (3e-3, 2e-2):
+        turned = replace(record, dry=replace(record.dry, width=np.full(robot.axes, width)))
+        left.append(_Axis(predict_motion(robot, layout, turned), layout, 1).left((4e-3, 0.0)))
+    np.testing.assert_allclose(left[1], left[0], rtol=1e-9)
 
 
 def test_a_law_that_is_gone_round_is_taken_half_the_way():

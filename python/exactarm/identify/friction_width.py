@@ -130,15 +130,18 @@ class _Axis:
 
 class _Rubbing:
     """What of a layout turns over with the dry friction of one axis: the table's Coulomb friction, effects of
-    its drive, and of its sensor what follows the drive torque; free (P,): their parameters."""
+    its drive or of all drives, and of its sensor what follows the drive torque; free (P,): their
+    parameters."""
 
     def __init__(self, view, layout: Layout, axis: int):
         self.axis, self.effects, self.sensor = axis, [], []
         self.free = np.zeros(layout.size, bool)
         for effect, mask, where in zip(layout.effects, layout.free, layout.slices):
-            if effect.joint != axis + 1 or effect.station not in (Station.DRIVE, Station.DEVICE):
-                continue
             of_drive = effect.station is Station.DRIVE
+            turns = effect.joint in (axis + 1, None) if of_drive else (
+                effect.joint == axis + 1 and effect.station is Station.DEVICE)
+            if not turns:
+                continue
             own = mask & (np.arange(mask.size) > 0) if effect.reverses else mask  # its sign comes first
             (self.effects if of_drive else self.sensor).append((effect, own))
             self.free[where] = True
@@ -172,8 +175,9 @@ class _Rubbing:
         torque, columns = (view.robot.joints[self.axis].coulomb or 0.0) * sign, [sign]
         for effect, mask in self.effects:
             change = effect.change(view)
-            torque = torque + change.value[:, 0]
-            columns += [*change.by_parameters[:, 0, mask].T]
+            place = list(change.columns).index(self.axis)
+            torque = torque + change.value[:, place]
+            columns += [*change.by_parameters[:, place, mask].T]
         return torque, columns
 
 
