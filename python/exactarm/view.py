@@ -219,7 +219,7 @@ class View:
         change = effect.change(self)
         if change.rate is not None and self.from_rate is not None:
             return self.from_rate(change.columns, change.rate.by_parameters)
-        return self.transfers[effect.station](change.columns, change.by_parameters)
+        return self.transfers[effect.station_in(self)](change.columns, change.by_parameters)
 
     def is_fast(self, index: int, order: float) -> bool:
         """Whether rates are read, and a wave of so many cycles per turn of an axis (from 0) passes faster

@@ -18,7 +18,7 @@ Passed = list[tuple[int, Change]]  # index in the layout of the effect that made
 
 def acts(effect: Effect, view: View, station: Station) -> bool:
     """Whether an effect of the layout has its turn at `station` of this evaluation."""
-    if effect.station != station:
+    if effect.station_in(view) != station:
         return False
     return station not in (Station.MOTOR, Station.DEVICE) or view.kind in effect.kinds
 

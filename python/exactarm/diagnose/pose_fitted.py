@@ -29,8 +29,8 @@ class PoseFitted(Fitted):
     def _scanned(self, effects: list[Effect], masks: list[np.ndarray]) -> list[Products]:
         changes, found = defaultdict(dict), {}
         for place, (effect, mask) in enumerate(zip(effects, masks)):
-            change = effect.change(self.view)
-            changes[effect.station, tuple(change.columns)][place] = change.by_parameters[:, :, mask]
+            change, station = effect.change(self.view), effect.station_in(self.view)
+            changes[station, tuple(change.columns)][place] = change.by_parameters[:, :, mask]
         for (station, columns), parts in changes.items():
             each = np.tile(np.eye(len(columns)), (self.view.rows, 1, 1))
             response = self.view.transfers[station](columns, each)[:, : self.residual.shape[1]]

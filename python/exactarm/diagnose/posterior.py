@@ -208,7 +208,7 @@ def _could_be_right(trial: Fitted, first: int, noise: NoiseModel) -> bool:
         if bounds is None:
             continue
         change = effect.change(view)
-        moved = view.transfers[effect.station](change.columns, np.ones((view.rows, 1, 1)))[:, :3, 0]
+        moved = view.transfers[effect.station_in(view)](change.columns, np.ones((view.rows, 1, 1)))[:, :3, 0]
         nearest = np.sum(moved * error / sigma**2, axis=1) / np.sum((moved / sigma) ** 2 + 1e-300, axis=1)
         more = np.clip(change.value[:, 0] + nearest, *bounds) - change.value[:, 0]
         out = out & (np.sum(((error - more[:, None] * moved) / sigma) ** 2, axis=1) > largest)

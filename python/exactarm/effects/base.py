@@ -262,6 +262,10 @@ class Effect(ABC):
         return ()
 
     # -- in the chain -----------------------------------------------------------------------------
+    def station_in(self, view: View) -> Station:
+        """Where it acts in this kind of data."""
+        return self.station
+
     def change(self, view: View) -> Change:
         """What the effect adds to the signal at its station."""
         raise NotImplementedError

@@ -79,7 +79,14 @@ class Payload(Effect):
         link = robot.links[-1]
         return replace(robot, links=robot.links[:-1] + (with_added(link, inertial(self.values)[0]),))
 
+    def station_in(self, view) -> Station:
+        return self.station if view.is_series else Station.FLANGE
+
     def change(self, view) -> Change:
+        """Its weight is that of the last link (`bake`); here is its derivative: at rest through all that
+        gives way under what the flange carries, in a motion through the torque of the joints."""
+        if not view.is_series:
+            return Change(tuple(range(4)), np.zeros((view.rows, 4)), np.tile(np.eye(4), (view.rows, 1, 1)))
         derivative = np.zeros((view.rows, view.axes, 4))
         if view.tangents and view.has_masses:
             q = view.q
