@@ -38,7 +38,7 @@ def follows(*signals):
     (TRACKED_MOTION, follows(Signal(TRAVEL, 1)), "axis 1 alone along its way, slowly"),
     (POSES, follows(Signal(ORDER)), "every quarter of an hour"),
     (POSES, follows(Signal(APPROACH, 2)), "both sides of axis 2"),
-    (POSES, follows(Signal("temperature_degC")), "another temperature_degC"),
+    (POSES, follows(Signal("temperature_degC")), "other values of the temperature_degC"),
     (POSES, (Structure("", wanders=True),), "one pose again"),
     (POSES, (), "five poses ten times each"),
     (CLOSURES, follows(Signal(POSITION, part="x")), "another place of the fixture"),

@@ -77,7 +77,7 @@ _ELSEWHERE = {
     Device.TARGET: "measure more {rows} over the whole work space, some from a second place of the tracker",
     Device.CONTACT: "touch at another place of the fixture",
 }
-_OTHER = "record the same once more with another {signal}: what follows it shows in the difference"
+_OTHER = "record the same once more at other values of the {signal}: what follows it shows in the difference"
 _NOTHING = ("visit five poses ten times each: if they scatter as much as the error that is left, it is the "
             "device; if not, it is the arm, and more poses are needed",
             "record the same motion three times: what repeats is the arm, what does not is the sensor")

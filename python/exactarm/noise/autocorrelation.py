@@ -100,6 +100,6 @@ def autocorrelation(values: np.ndarray, runs, lags: int) -> np.ndarray:
     """(lags + 1,) of a zero-mean signal (N,), products taken within runs only."""
     total = np.zeros(lags + 1)
     for run in runs:
-        x = values[run]
-        total += np.array([x[: max(x.size - k, 0)] @ x[k:] for k in range(lags + 1)])
+        length = fft.next_fast_len(len(run) + lags, real=True)
+        total += fft.irfft(np.abs(fft.rfft(values[run], length)) ** 2, length)[: lags + 1]
     return total / total[0] if total[0] > 0.0 else np.eye(1, lags + 1)[0]
