@@ -113,6 +113,20 @@ def test_priors_are_pseudo_observations(effect, drawing, centre, spread):
     np.testing.assert_allclose(found.fit.x, np.linalg.solve(normal, right), rtol=1e-2)
 
 
+@pytest.mark.parametrize("rounding", [1e-15, 1e-19])
+def test_what_shows_by_rounding_only_stays_where_it_is(rounding):
+    """The moment of a payload along the axis of a SCARA's flange, which gravity never bends: it went to
+    1e6 kg m, and the fit to nowhere."""
+    rng = np.random.default_rng(1)
+    columns, measured = case(rng, 4000)
+    columns[:, :, 2] *= rounding
+    measured = columns @ [1.0, 0.2, 0.0, 0.5] + rng.normal(size=measured.shape) * (0.1, 2.0)
+    found = fit_layout(linear(columns, measured), layout(), np.ones(4000), alike=np.arange(2))
+    assert found.fit.converged and found.fit.x[2] == pytest.approx(0.0, abs=1e-9)
+    assert found.fit.covariance[2, 2] == pytest.approx(2.0**2)
+    np.testing.assert_allclose(found.fit.x[[0, 1, 3]], [1.0, 0.2, 0.5], atol=0.1)
+
+
 def test_rows_without_weight_have_no_say():
     columns, measured = case(np.random.default_rng(3))
     weight = np.where(np.arange(60) < 40, 1.0, 0.0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from exactarm.diagnose.orthonormal import extended, narrowed, orthonormal
+from exactarm.diagnose.orthonormal import added_to, extended, narrowed, orthonormal
 
 
 @pytest.fixture
@@ -51,3 +51,9 @@ def test_a_basis_without_some_columns_spans_the_others(rng):
     basis = narrowed(whole, np.linalg.inv(whole.T @ columns), gone)
     assert_allclose(basis.T @ basis, np.eye(5), atol=1e-14)
     assert_allclose(projection(basis), projection(orthonormal(columns[:, ~gone])), atol=1e-9)
+
+
+def test_a_column_of_rounding_is_no_direction(rng):
+    columns = rng.normal(size=(80, 3)) * [1.0, 1e3, 1e-14]
+    assert orthonormal(columns).shape == (80, 2)
+    assert added_to(np.zeros((80, 0)), columns).shape == (80, 2)

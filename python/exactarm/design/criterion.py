@@ -95,6 +95,16 @@ def information_of(blocks: np.ndarray) -> np.ndarray:
     return rows.T @ rows
 
 
+def is_regular(information: np.ndarray) -> bool:
+    """Whether all parameters of M (m, m) can be identified, whatever their units: a determinant of rounding
+    may have any sign."""
+    size = np.sqrt(np.diag(information))
+    if not np.all(size > 0.0):
+        return False
+    least = np.linalg.eigvalsh(information / np.outer(size, size))[0]
+    return bool(least > len(size) * np.finfo(float).eps)
+
+
 def log_det_change(information: np.ndarray, blocks: np.ndarray, signs: np.ndarray) -> np.ndarray:
     """(C,) log det(M + B' S B) - log det M by the matrix determinant lemma, S = diag(signs) (r,) added or
     removed rows; -inf where the matrix turns singular."""

@@ -13,7 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exactarm.design.criterion import Criterion, LogDeterminant, SmallestOverLargest, information_of
+from exactarm.design.criterion import (
+    Criterion,
+    LogDeterminant,
+    SmallestOverLargest,
+    information_of,
+    is_regular,
+)
 from exactarm.errors import ComputationError
 
 
@@ -51,7 +57,7 @@ def exchange(pool: np.ndarray, start: np.ndarray, rng: np.random.Generator,
     known = np.zeros((pool.shape[-1],) * 2) if prior is None else prior
     least = options.keep.least_gain(len(chosen), pool.shape[-1]) if prior is None else 0.0
     value = options.keep.value(known + information_of(pool[chosen]))
-    if not np.isfinite(value):
+    if not (np.isfinite(value) and is_regular(known + information_of(pool[chosen]))):
         raise ComputationError(f"a set of {len(chosen)} experiments cannot identify {pool.shape[-1]} "
                                "parameters")
     best, history = (value, np.array(chosen)), [value]

@@ -9,6 +9,7 @@ from scipy.linalg import lapack
 # Least of the Cholesky factor of columns of unit length: above the first, one pass is orthonormal to
 # 1e-11 (rounding over its square); below the second, the Gram matrix loses a direction.
 _APART, _NEARLY = 1e-2, 1e-4
+_ROUNDING = 1e-13  # length beside the longest column, below which one would be zero without rounding
 
 
 def orthonormal(columns: np.ndarray, weakest: float = 1e-6) -> np.ndarray:
@@ -19,8 +20,7 @@ def orthonormal(columns: np.ndarray, weakest: float = 1e-6) -> np.ndarray:
     the eigenvectors of their Gram matrix serve, without the directions weaker than `weakest` (beside the
     strongest; above 3e-8, where the Gram matrix shows rounding only).
     """
-    norm = np.linalg.norm(columns, axis=0)
-    basis = columns[:, norm > 0] / norm[norm > 0]
+    basis = _of_unit_length(columns)
     basis, apart = _whitened(basis, weakest)
     return basis if apart else _whitened(basis, weakest)[0]
 
@@ -33,8 +33,7 @@ def extended(basis: np.ndarray, columns: np.ndarray) -> np.ndarray:
 def added_to(basis: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """(R, c) what columns (R, k) add to an orthonormal basis, orthonormal too, without what is weaker than
     1e-6."""
-    norm = np.linalg.norm(columns, axis=0)
-    added = columns[:, norm > 0] / norm[norm > 0]
+    added = _of_unit_length(columns)
     for least in (1e-12, 0.5):  # twice for accuracy: the second time all are of unit length
         added = added - basis @ (basis.T @ added)
         values, vectors = linalg.eigh(added.T @ added)
@@ -52,6 +51,13 @@ def narrowed(basis: np.ndarray, coordinates: np.ndarray, gone: np.ndarray) -> np
     turn, tau, _, _ = lapack.dgeqrf(coordinates[gone].T)
     work = int(lapack.dormqr("R", "N", turn, tau, basis, -1)[1][0])
     return lapack.dormqr("R", "N", turn, tau, basis, work)[0][:, len(tau) :]
+
+
+def _of_unit_length(columns: np.ndarray) -> np.ndarray:
+    """Those that are there."""
+    norm = np.linalg.norm(columns, axis=0)
+    seen = norm > _ROUNDING * np.max(norm, initial=0.0)
+    return columns[:, seen] / norm[seen]
 
 
 def _whitened(basis: np.ndarray, weakest: float) -> tuple[np.ndarray, bool]:

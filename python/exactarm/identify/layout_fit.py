@@ -24,6 +24,7 @@ _ROUNDS = 12
 _SLOW, _SLOWEST = 0.5, 0.9  # ratio of two steps from which a series is summed, up to ten times its last one
 _SETTLED = 0.01  # relative change of a standard deviation
 _ALONG = 1e-3  # share of the square sum still to fall: a twentieth of `_SETTLED` in a standard deviation
+_ROUNDING = 1e-12  # of the residual
 _LEAST_FREE_SHARE = 0.1  # of the numbers that is left for the noise, however many parameters there are
 
 
@@ -103,6 +104,11 @@ def fit_layout(predict: Predict, layout: Layout, weight: np.ndarray, sigma: np.n
         return latest[x.tobytes()]
 
     x, components = layout.values, len(alike)
+    unseen = _unseen(evaluate(x, True), parameters)
+    if unseen.any():  # it stays where it is, as well known as its plausible size
+        latest.clear()
+        pull = np.concatenate([pull, (np.eye(x.size) / [p.plausible for p in parameters])[unseen]])
+        centre = np.where(unseen, x, centre)
     if sigma is None:
         start = evaluate(x, False).residual[: rows.size * components].reshape(-1, components)
         sigma = np.maximum(_spread(start, np.zeros(components), alike, share[rows]), floor)
@@ -140,6 +146,14 @@ def fit_layout(predict: Predict, layout: Layout, weight: np.ndarray, sigma: np.n
     if not settled and fit.converged:
         fit = replace(fit, reason=f"noise and parameters did not settle on each other in {_ROUNDS} rounds")
     return LayoutFit(layout.at(x), fit, sigma)
+
+
+def _unseen(start: _Point, parameters) -> np.ndarray:
+    """(P,) parameters that change the rows by rounding only: a plausible size of them by less than 1e-12 of
+    what is left at the start. One that changes nothing yet, like the order of a wave without a size, may
+    later."""
+    change = np.linalg.norm(start.jacobian, axis=0) * [p.plausible for p in parameters]
+    return (change > 0.0) & (change < _ROUNDING * np.linalg.norm(start.residual))
 
 
 def _freedom(spent: np.ndarray, alike: np.ndarray, rows: float) -> int:
