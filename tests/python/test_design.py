@@ -105,8 +105,8 @@ def test_exchange_separates_with_prior_information():
 
 
 def test_exchange_refuses_a_singular_start():
-    """Two of eight eigenvalues are zero, and lie on either side of zero by rounding: half of such determinants are
-    positive."""
+    """Two of eight eigenvalues are zero, and lie on either side of zero by rounding: half of such
+    determinants are positive."""
     for start in range(20):
         with pytest.raises(ComputationError, match="cannot identify 8 parameters"):
             exchange(random_blocks(50, 7), np.array([start, start + 1]), np.random.default_rng(0))
