@@ -26,6 +26,7 @@ from exactarm.diagnose.problem_at_rest import ProblemAtRest
 from exactarm.diagnose.signal import Direction, axis_of, turn_of
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.closure_fit import ClosureFit, Pulls, fit_closures
+from exactarm.identify.closure_scale import gravity_alone
 from exactarm.identify.closures import (
     SLIPPED,
     carried_effects,
@@ -36,16 +37,20 @@ from exactarm.identify.closures import (
     updated_robot,
 )
 from exactarm.identify.declared import geometry_layout, reestimated_layout
-from exactarm.identify.judged_rows import judged_rows
+from exactarm.identify.judged_rows import judged_rows, touched_contacts
 from exactarm.identify.length_doubt import length_doubts
 from exactarm.measurement.closures import (
+    PAIR,
     ClosurePrediction,
     contact_keys,
+    device_of,
+    predict_closures,
     shows_a_place,
     touches,
     turn_of_axis,
 )
 from exactarm.measurement.contact import Contact
+from exactarm.measurement.contacts import SENSORS
 from exactarm.robot.robot import Robot
 
 
@@ -81,6 +86,12 @@ class ClosureFitted(Fitted):
 
     def responses_of(self, effects: list[Effect]) -> list[np.ndarray]:
         return [self.prediction.response(effect) for effect in effects]
+
+    def share_left(self, rows: np.ndarray) -> float:
+        """Of the numbers of some rows (N,) bool, the share that the free parameters have not used up."""
+        numbers = self.prediction.used[rows] * self.worth[rows, None]
+        spent = np.sum(self.basis[: self.data_numbers] ** 2, axis=1).reshape(self.scale.shape)[rows]
+        return max(float(numbers.sum() - spent.sum()), 1.0) / max(float(numbers.sum()), 1.0)
 
     @cached_property
     def of_contacts(self) -> np.ndarray:
@@ -158,7 +169,10 @@ class ClosureProblem(ProblemAtRest):
     def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
         error = closure_errors(self.robot, fitted.layout, data, self.threads).error()
         known = None if data is self.data else fitted.layout
-        return np.where(judged_rows(data, known), error, np.nan)
+        judged = judged_rows(data, known)
+        if not gravity_alone(self.data):  # what errs by an angle is no measure of what errs by a distance
+            judged &= ~np.isin(device_of(data), list(SENSORS))
+        return np.where(judged, error, np.nan)
 
     def also_judged(self, fitted: Fitted, data: Dataset) -> dict[str, float]:
         errors = closure_errors(self.robot, fitted.layout, data, self.threads)
@@ -198,11 +212,28 @@ class ClosureProblem(ProblemAtRest):
         return WithoutContacts(**{name: getattr(fitted, name) for name in given})
 
     def error_of_unit_noise(self, fitted: Fitted) -> float:
-        """RMS error of the rows that have not slipped, for the degrees of freedom that the fit has taken."""
-        place = shows_a_place(self.data)
-        error = fitted.prediction.error()[place & (fitted.weight > SLIPPED)]
-        used = int(fitted.prediction.used.sum())
-        return float(np.sqrt(np.mean(error**2) * used / max(fitted.fit.freedom, 1)))
+        """RMS error of the rows that have not slipped, for the degrees of freedom that the fit has taken of
+        each sort: few rows under a tracker may be met by what many readings of a sensor do not show."""
+        rows = shows_a_place(self.data) & (fitted.weight > SLIPPED)
+        square = fitted.prediction.error() ** 2
+        for sort in np.unique(device_of(self.data)[rows]):
+            of_sort = rows & (device_of(self.data) == sort)
+            square[of_sort] /= fitted.share_left(of_sort)
+        return float(np.sqrt(np.mean(square[rows])))
+
+    def spread(self, fitted: Fitted) -> float:
+        """Contacts of the validation rows alone are fitted to them and add nothing."""
+        judged = np.isfinite(self.errors(fitted, self.held_out)) if len(self.held_out) else np.zeros(0, bool)
+        if not judged.any():
+            return 0.0
+        rows = self.held_out.select(judged)
+        prediction = predict_closures(self.robot, fitted.layout, rows, threads=self.threads)
+        jacobian = prediction.jacobian[:, :3] * prediction.pictures.depth[:, None, None]
+        known = {(e.contact, e.session, e.number) for e in fitted.layout.effects if isinstance(e, Contact)}
+        for key, at in touched_contacts(rows):
+            if key not in known and key[0] != PAIR:
+                jacobian[at] = 0.0
+        return float(np.mean(np.einsum("nap,pq,naq->n", jacobian, fitted.fit.covariance, jacobian)))
 
     def repeat_noise(self, fitted: Fitted) -> float | None:
         used = (fitted.weight > SLIPPED) & fitted.prediction.used[:, :3].all(axis=1)
