@@ -2,8 +2,8 @@
 
 Of random poses of the work space (of an inclinometer those within its range), `count` by the mean variance of
 the target's position over the work space that the angles leave (exactarm.design.closure_design), with
-mounting, base tilt, gain and zero unknown and the drawing as prior. The sensor's axes are taken for those of
-the flange; a reading is taken to be good to SIGMA_RAD.
+mounting, base tilt, gain, zero and sensitivity across the axes unknown and the drawing as prior. The sensor's
+axes are taken for those of the flange; a reading is taken to be good to SIGMA_RAD.
 """
 
 from dataclasses import dataclass, replace
@@ -49,7 +49,7 @@ def design_gravity(robot: Robot, sensor: str, options: ClosureDesignOptions) -> 
     robot = replace(at_base(robot), effects=())
     space = PoseSpace.of(robot, options.box, options.clearance)
     cls = SENSORS[sensor]
-    device = cls(None, (0.0,) * (5 + 2 * cls.numbers))
+    device = cls(None, (0.0,) * cls.size())
     q = space.draw(_POOL * options.count, random)
     setup, geometry = Layout.of((device,)), geometry_layout(robot)
     read = lambda q: rows_at(q, device, **{sensor: np.zeros((len(q), cls.numbers))})
