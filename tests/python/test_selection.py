@@ -149,7 +149,8 @@ def test_what_is_less_probable_than_not_does_not_enter(probability, stays):
 def test_an_effect_of_closures_may_hurt_at_no_place_however_much_it_helps_at_the_others():
     """What helps at two places and hurts at the third has no claim to the next one."""
     problem = object.__new__(ClosureProblem)
-    without, share = np.array([200.0, 200.0, 200.0]), ClosureProblem.least_elsewhere
+    problem.of_the_arm = 1.0
+    without, share = np.array([200.0, 200.0, 200.0]), problem.least_elsewhere
     assert problem.holds(without, without * (1.0 - 1.01 * share))
     assert not problem.holds(without, without * (1.0 - 0.99 * share))
     assert not problem.holds(without, without * [0.2, 0.2, 1.0 + 1.01 * share])

@@ -51,7 +51,10 @@ from exactarm.measurement.closures import (
 )
 from exactarm.measurement.contact import Contact
 from exactarm.measurement.contacts import SENSORS
+from exactarm.measurement.pictures import SHARED, rows_of_pictures
 from exactarm.robot.robot import Robot
+
+_OF_A_MOTION = 2 * len(SHARED)  # numbers of a picture
 
 
 @dataclass(frozen=True)
@@ -132,14 +135,33 @@ class ClosureProblem(ProblemAtRest):
 
     kind = CLOSURES.name
     # not `by_posterior`: contacts are fitted beside the effects, and it has not been measured on them
-    # places are few and far apart: an effect that hardly helps there is none
-    least_elsewhere = Problem.least_share
     far_elsewhere = True
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
         super().__init__(robot, touches(data), touches(held_out) if len(held_out) else held_out, threads,
                          seed)
         self.pulls = Pulls.of(geometry_layout(robot), data.fixture)
+
+    @cached_property
+    def of_the_arm(self) -> float:
+        """Share of the numbers that an error of the arm can move: of a picture's corners six, however many
+        there are. Shares of the square sum are asked of these; the rest is detection and lens."""
+        numbers = int(self._declared.prediction.used.sum())
+        corners = sum(max(2 * len(rows) - _OF_A_MOTION, 0) for rows in rows_of_pictures(self.data))
+        return 1.0 - corners / max(numbers, 1)
+
+    @property
+    def least_share(self) -> float:
+        return Problem.least_share * self.of_the_arm
+
+    @property
+    def least_elsewhere(self) -> float:
+        """Places are few and far apart: an effect that hardly helps there is none."""
+        return self.least_share
+
+    @property
+    def share_left(self) -> float:
+        return Problem.share_left * self.of_the_arm
 
     def shows(self, effect: type[Effect]) -> bool:
         """What acts before the device acts here too; slipped contacts are the noise's tail."""
