@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from exactarm.diagnose.closure_problem import ClosureProblem
 from exactarm.diagnose.cross_validation import CrossValidation
 from exactarm.diagnose.worth import holds_elsewhere
 from exactarm.effects.base import Parameter
@@ -93,6 +94,34 @@ def test_places_that_contradict_each_other_have_no_effect_in_common():
     have it, it holds in 40 of 40 records; where the third has its opposite, in none."""
     assert sum(held(seed, 10.0) for seed in range(40)) == 40
     assert sum(held(seed, 10.0, -20.0) for seed in range(40)) == 0
+
+
+def test_a_place_that_tells_next_to_nothing_refuses_no_effect_by_chance():
+    """Size 3 in two places of 60 and 30 numbers; 5 numbers of a third do not respond at all. What a wrong
+    value of the effect's neighbours adds there is chance: 12 of 60 records were refused before."""
+    refused = 0
+    for seed in range(60):
+        random = np.random.default_rng(seed)
+        folds = np.repeat([0, 1, 2], [60, 30, 5])
+        effect = random.normal(0, 1, 95)
+        effect[folds == 2] *= 0.05
+        basis = np.linalg.qr(random.normal(0, 1, (95, 12)))[0]
+        whitened = 3.0 * effect + random.normal(0, 1, 95)
+        fitted = SimpleNamespace(basis=basis, whitened=whitened, data_numbers=95)
+        fitted.columns = lambda one: effect[:, None]
+        cause = SimpleNamespace(excludes_rows=lambda: False, values=(0.0,),
+                                parameters=lambda: (Parameter("size", 1.0),))
+        refused += not holds_elsewhere(_RealPlaces(folds), fitted, [cause])
+    assert refused == 0
+
+
+class _RealPlaces(_Places):
+    """The same by the rule of closures."""
+
+    def holds(self, without, left):
+        problem = object.__new__(ClosureProblem)
+        problem.of_the_arm = 1.0
+        return problem.holds(without, left)
 
 
 def test_what_two_places_owe_the_third_is_their_expected_square():

@@ -24,6 +24,7 @@ from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.problem_at_rest import ProblemAtRest
 from exactarm.diagnose.signal import Direction, axis_of, turn_of
+from exactarm.diagnose.worth import CHANCE_AGAINST
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.closure_fit import ClosureFit, Pulls, fit_closures
 from exactarm.identify.closure_scale import gravity_alone
@@ -226,8 +227,10 @@ class ClosureProblem(ProblemAtRest):
 
     def holds(self, without: np.ndarray, left: np.ndarray) -> bool:
         """Places are few: the sum over them may be one alone, and the next may be like any. So none may get
-        worse by the share that all of them together must gain."""
-        return super().holds(without, left) and bool(np.all(left < (1.0 + self.least_elsewhere) * without))
+        worse by the share that all of them together must gain, nor by more than chance where it holds few
+        rows."""
+        allowed = np.maximum(self.least_elsewhere * without, CHANCE_AGAINST)
+        return super().holds(without, left) and bool(np.all(left - without < allowed))
 
     def elsewhere(self, fitted: Fitted) -> Fitted:
         given = [each.name for each in fields(fitted) if each.init]

@@ -17,6 +17,8 @@ from exactarm.diagnose.scan import linear_columns, prior_of
 from exactarm.effects.base import Effect
 
 _FOLD_CERTAINTY = 2.5  # the mean fall of the folds beside its standard error
+# of -2 log density: a right model is outdone by a wrong one by c in fewer than exp(-c / 2) of cases (Ville)
+CHANCE_AGAINST = _FOLD_CERTAINTY**2  # 4 %
 _LEAST_FALLING = 8  # folds
 _RESPONDING, _LEAST_SHOWING = 1e-6, 3  # share of the strongest unit's response; units to judge by
 
@@ -64,7 +66,7 @@ def holds_elsewhere(problem: Problem, fitted: Fitted, effects: list[Effect]) -> 
         return problem.holds(without, left)
     # Errors that grow by more than the others cannot know, in white noise, are those of a wrong effect.
     grown = left - without - (parted.unknown(columns, prior) - parted.unknown())
-    right = bool(np.all(grown < problem.least_elsewhere * without))
+    right = bool(np.all(grown < np.maximum(problem.least_elsewhere * without, CHANCE_AGAINST)))
     return right and problem.holds(parted.deviances(), parted.deviances(columns, prior))
 
 
