@@ -10,6 +10,8 @@ from central_difference import assert_derivative
 from exactarm.chain import Layout
 from exactarm.cli import main
 from exactarm.data.dataset import Dataset, dataset_columns, read_dataset, read_planned_poses
+from exactarm.design.closure_design import ClosureDesignOptions
+from exactarm.design.gravity_design import design_gravity
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.verdict import NOTHING
 from exactarm.effects.frames import Frames
@@ -225,3 +227,17 @@ def test_designed_poses_tell_more_than_random_ones(tmp_path, sensor):
     assert made["poses"] == 25 and "q_offset_1_rad" in {entry["parameter"] for entry in made["dropped"]}
     planned = read_planned_poses(tmp_path / "poses.csv", load_robot("ur10"))
     assert planned.joints["q"].shape == (25, 6)
+
+
+@pytest.mark.parametrize(("name", "hidden"), [
+    ("ur10", {"q_offset_3_rad", "q_offset_4_rad"}), ("panda", set()),
+])
+def test_a_design_promises_nothing_of_angles_that_no_reading_parts(tmp_path, name, hidden):
+    """The zeros of parallel axes turn the sensor alike: 10 mrad each, and 0.02 mm were promised."""
+    found = design_gravity(load_robot(name), "accel", ClosureDesignOptions(count=40))
+    assert set(map(str, found.hidden)) == hidden and found.deviation[2] < 1e-4
+    assert (found.with_hidden > 1e-3) == bool(hidden)
+    assert hidden or found.with_hidden == pytest.approx(found.deviation[2])
+    assert main(["design", name, "--contact", "accel", "--quiet", "--out", str(tmp_path)]) == 0
+    said = "But q_offset_3_rad, q_offset_4_rad turn the sensor" in (tmp_path / "report.html").read_text()
+    assert said == bool(hidden)
