@@ -78,3 +78,15 @@ def test_rows_of_a_sensor_judge_no_distance():
     data = replace(data, identification=~np.isnan(data.position).any(axis=1) | (np.arange(len(data)) % 3 > 0))
     result = diagnose(robot.nominal, data)
     assert result.after["validation"].n == 0 and result.verdict == NOTHING
+
+
+def test_rows_that_count_for_little_are_said_by_a_diagnosis_too():
+    """Two poses are 2 mm off: nothing is missing, but for them."""
+    robot, data = few_tracked(5, 24)
+    tracked = np.flatnonzero(~np.isnan(data.position).any(axis=1))
+    position = data.position.copy()
+    position[tracked[:2]] += 2e-3
+    data = replace(data, position=position, identification=np.ones(len(data), bool))
+    problem = ClosureProblem(robot.nominal, data, data.select(np.zeros(len(data), bool)))
+    lines = problem.doubts(problem.fit(problem.declared()))
+    assert lines[0].startswith(f"2 of {len(data)} rows lie far beside their contact and count for little")

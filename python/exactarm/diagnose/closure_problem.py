@@ -35,6 +35,7 @@ from exactarm.identify.closures import (
     declare_closures,
     other_errors,
     sessions_of,
+    slipped_rows,
     updated_robot,
 )
 from exactarm.identify.declared import geometry_layout, reestimated_layout
@@ -203,7 +204,9 @@ class ClosureProblem(ProblemAtRest):
 
     def doubts(self, fitted: Fitted) -> tuple[str, ...]:
         fit = replace(self._declared, layout=fitted.layout, fit=fitted.fit)
-        return length_doubts(fit, self.data, self.pulls, self.threads)
+        apart = tuple(f"{line}; or in these poses the arm errs by something that the others do not show"
+                      for line in slipped_rows(fitted.weight))
+        return (*apart, *length_doubts(fit, self.data, self.pulls, self.threads))
 
     def directions(self, fitted: Fitted) -> dict[Direction, np.ndarray]:
         prediction = fitted.prediction
