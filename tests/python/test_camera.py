@@ -3,6 +3,7 @@ each, wrong corners, files."""
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from exactarm.chain import Layout
 from exactarm.cli import main
 from exactarm.data.dataset import Dataset, dataset_columns, read_dataset
 from exactarm.data.fixture import CameraSetup, Fixture, load_fixture
+from exactarm.diagnose.closure_problem import ClosureProblem
 from exactarm.errors import InputError
 from exactarm.files.table import write_table
 from exactarm.first_aid.first_aid import first_aid
@@ -314,3 +316,17 @@ def test_commands_take_pictures_beside_planes(tmp_path):
     assert after["reprojection_px"] < 0.3 < 1.0 < before["reprojection_px"]
     assert after["distance_error_m"] < 0.5 * before["distance_error_m"]
     assert "session_1.camera_square_m" in made["parameters"]
+
+
+def test_a_search_counts_pictures_and_asks_for_shares_of_what_an_arm_can_move():
+    """960 corners are 20 poses: the search took 12 of them, and a cause that takes all that an arm can move
+    would have taken 6 % of the square sum."""
+    robot, data = pictures("ur10", 1, 20)
+    assert len(data) > 600
+    problem = ClosureProblem(robot.nominal, data, data.select(np.zeros(len(data), bool)))
+    assert problem.search_rows() is None
+    used = np.tile([True, True, False], (len(data), 1))
+    vars(problem)["_declared"] = SimpleNamespace(prediction=SimpleNamespace(used=used))
+    assert problem.of_the_arm == pytest.approx(20 * 6 / (2 * len(data)))
+    assert problem.least_share == problem.least_elsewhere == pytest.approx(0.02 * problem.of_the_arm)
+    assert problem.share_left == pytest.approx(0.10 * problem.of_the_arm)

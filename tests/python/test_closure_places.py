@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from exactarm.diagnose.closure_problem import ClosureProblem
 from exactarm.diagnose.cross_validation import CrossValidation
 from exactarm.diagnose.worth import holds_elsewhere
 from exactarm.effects.base import Parameter
@@ -78,14 +79,14 @@ class _Places:
         return bool(np.sum(left) < 0.98 * np.sum(without) and np.all(left < 1.02 * without))
 
 
-def held(seed: int, true: float, wrong: float = 0.0) -> bool:
+def held(seed: int, true: float, wrong: float = 0.0, places=_Places) -> bool:
     """Whether the effect holds on a record whose third place has another one, of size `wrong`."""
     effect = SimpleNamespace(excludes_rows=lambda: False, values=(0.0,),
                              parameters=lambda: (Parameter("size", 1.0),))
     fitted, columns, folds = three_places(np.random.default_rng(seed), true)
     fitted.columns = lambda one: columns
     fitted.whitened = fitted.whitened + wrong * columns[:, 0] * (folds == 2)
-    return holds_elsewhere(_Places(folds), fitted, [effect])
+    return holds_elsewhere(places(folds), fitted, [effect])
 
 
 def test_places_that_contradict_each_other_have_no_effect_in_common():
@@ -93,6 +94,43 @@ def test_places_that_contradict_each_other_have_no_effect_in_common():
     have it, it holds in 40 of 40 records; where the third has its opposite, in none."""
     assert sum(held(seed, 10.0) for seed in range(40)) == 40
     assert sum(held(seed, 10.0, -20.0) for seed in range(40)) == 0
+
+
+def test_a_place_that_tells_next_to_nothing_refuses_no_effect_by_chance():
+    """Size 3 in two places of 60 and 30 numbers; 5 numbers of a third do not respond at all. What a wrong
+    value of the effect's neighbours adds there is chance: 12 of 60 records were refused before."""
+    refused = 0
+    for seed in range(60):
+        random = np.random.default_rng(seed)
+        folds = np.repeat([0, 1, 2], [60, 30, 5])
+        effect = random.normal(0, 1, 95)
+        effect[folds == 2] *= 0.05
+        basis = np.linalg.qr(random.normal(0, 1, (95, 12)))[0]
+        whitened = 3.0 * effect + random.normal(0, 1, 95)
+        fitted = SimpleNamespace(basis=basis, whitened=whitened, data_numbers=95)
+        fitted.columns = lambda one: effect[:, None]
+        cause = SimpleNamespace(excludes_rows=lambda: False, values=(0.0,),
+                                parameters=lambda: (Parameter("size", 1.0),))
+        refused += not holds_elsewhere(_RealPlaces(folds), fitted, [cause])
+    assert refused == 0
+
+
+class _RealPlaces(_Places):
+    """The same by the rule of closures."""
+
+    def holds(self, without, left):
+        problem = object.__new__(ClosureProblem)
+        problem.of_the_arm = 1.0
+        return problem.holds(without, left)
+
+
+def test_a_place_refuses_only_what_is_more_than_the_others_doubt():
+    """Size 3: 2.3 standard deviations of what two places know, and what they do not know scatters as much
+    as it is large. It holds in 100 of 100 records, 96 before; the opposite in the third place in none,
+    nothing in 3."""
+    assert sum(held(seed, 3.0, places=_RealPlaces) for seed in range(100)) == 100
+    assert sum(held(seed, 5.0, -10.0, places=_RealPlaces) for seed in range(100)) == 0
+    assert sum(held(seed, 0.0, places=_RealPlaces) for seed in range(100)) <= 5
 
 
 def test_what_two_places_owe_the_third_is_their_expected_square():

@@ -46,11 +46,18 @@ def designed_readings(robot: Robot, sensor: str, options: ClosureDesignOptions) 
     alone, random, chosen = found.deviation
     name = "inclinometer" if sensor == "tilt" else "accelerometer"
     verdict = (
-        f"{len(found.q)} poses to read the {name} in: what the arm's angles are wrong by will move the "
-        f"target by {quantity(chosen, 'm')} (RMS over the work space), with random poses by "
+        f"{len(found.q)} poses to read the {name} in: what the angles that it shows are wrong by will move "
+        f"the target by {quantity(chosen, 'm')} (RMS over the work space), with random poses by "
         f"{quantity(random, 'm')}, from the drawing alone by {quantity(alone, 'm')}.")
+    if found.hidden:
+        hidden, one = sorted(map(str, found.hidden)), len(found.hidden) == 1
+        verdict += (
+            f" But {', '.join(hidden)} turn{'s' if one else ''} the sensor as other axes do, and "
+            f"move{'s' if one else ''} the target otherwise: with {'it' if one else 'them'} "
+            f"{quantity(found.with_hidden, 'm')} are left. Touch a fixture, or track the target, in some "
+            "poses as well.")
     return CommandResult(
-        json=_expected(found),
+        json=_expected(found) | {"deviation_with_hidden_m": found.with_hidden},
         report=Report(f"Poses for a gravity sensor: {robot.name}", verdict, (
             dropped_table(found.identifiability.dropped),
             Text("How", (

@@ -1,8 +1,9 @@
 """Rows to identify with and rows to judge by, never from the same pose or run.
 
 `pose_split`: whole poses: rows of one visit or with the same joint angles stay together; each session gives
-its share. `run_split`: whole runs; in gear runs, runs that move the same axes the same way share; where there
-is only one of a sort, its first part is taken and its last part left. Both -> (N,) bool, True =
+its share, and of each sort of measurement in it (a contact, a sensor, the tracker) there is something on
+either side. `run_split`: whole runs; in gear runs, runs that move the same axes the same way share; where
+there is only one of a sort, its first part is taken and its last part left. Both -> (N,) bool, True =
 identification.
 """
 
@@ -50,9 +51,21 @@ def pose_split(dataset: Rows, random: np.random.Generator, fraction: float) -> n
     chosen = np.zeros(len(first), dtype=bool)
     home = dataset.session[first]
     for session in np.unique(home):
-        members = np.flatnonzero(home == session)
-        chosen[random.permutation(members)[: _share(len(members), fraction)]] = True
+        members = random.permutation(np.flatnonzero(home == session))
+        chosen[members[: _share(len(members), fraction)]] = True
+        for alike in _sorts(dataset)[first[members]].T:
+            of_sort = members[alike]
+            if len(of_sort) > 1 and chosen[of_sort].all() == chosen[of_sort].any():
+                chosen[of_sort] = np.arange(len(of_sort)) < _share(len(of_sort), fraction)
     return chosen[groups]
+
+
+def _sorts(dataset: Rows) -> np.ndarray:
+    """(N, s) bool: which sorts of measurement a row has; none beside each other where all are poses."""
+    touched = [numbers >= 0 for numbers in dataset.contacts.values()]
+    if not touched or dataset.position is None:
+        return np.stack([*touched, np.zeros(len(dataset), bool)], axis=1)
+    return np.stack([*touched, ~np.isnan(dataset.position).any(axis=1)], axis=1)
 
 
 def run_split(dataset: Rows, random: np.random.Generator, fraction: float) -> np.ndarray:

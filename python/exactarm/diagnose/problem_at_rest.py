@@ -34,9 +34,10 @@ class ProblemAtRest(Problem):
         require_geometry(robot)
 
     def search_rows(self) -> np.ndarray | None:
-        if len(self.data) <= _SEARCH_POSES:
+        poses = len(np.unique(self.groups()))  # of pictures every corner is a row
+        if poses <= _SEARCH_POSES:
             return None
-        return pose_split(self.data, np.random.default_rng(self.seed), _SEARCH_POSES / len(self.data))
+        return pose_split(self.data, np.random.default_rng(self.seed), _SEARCH_POSES / poses)
 
     def groups(self) -> np.ndarray:
         return self._groups

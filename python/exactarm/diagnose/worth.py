@@ -17,6 +17,8 @@ from exactarm.diagnose.scan import linear_columns, prior_of
 from exactarm.effects.base import Effect
 
 _FOLD_CERTAINTY = 2.5  # the mean fall of the folds beside its standard error
+# of -2 log density: a right model is outdone by a wrong one by c in fewer than exp(-c / 2) of cases (Ville)
+CHANCE_AGAINST = _FOLD_CERTAINTY**2  # 4 %
 _LEAST_FALLING = 8  # folds
 _RESPONDING, _LEAST_SHOWING = 1e-6, 3  # share of the strongest unit's response; units to judge by
 
@@ -63,8 +65,11 @@ def holds_elsewhere(problem: Problem, fitted: Fitted, effects: list[Effect]) -> 
     if not problem.far_elsewhere:
         return problem.holds(without, left)
     # Errors that grow by more than the others cannot know, in white noise, are those of a wrong effect.
-    grown = left - without - (parted.unknown(columns, prior) - parted.unknown())
-    right = bool(np.all(grown < problem.least_elsewhere * without))
+    # u = |D d|^2 of it is theirs on average, with a variance of up to 2 u^2, and 4 u beside noise.
+    unknown = parted.unknown(columns, prior) - parted.unknown()
+    chance = _FOLD_CERTAINTY * np.sqrt(4.0 * np.maximum(unknown, 0.0) + 2.0 * unknown**2)
+    allowed = np.maximum(problem.least_elsewhere * without, np.maximum(chance, CHANCE_AGAINST))
+    right = bool(np.all(left - without - unknown < allowed))
     return right and problem.holds(parted.deviances(), parted.deviances(columns, prior))
 
 

@@ -6,9 +6,11 @@ lengths as data.
 
 rho: Student's t with TAIL_FREEDOM degrees of freedom (Lange, Little, Taylor 1989), by iteratively reweighted
 least squares: a ball that has slipped counts for little. sigma of each class from its share of the redundancy
-(Förstner 1979). tau: plausible size of a deviation from the drawing, `Parameter.plausible`: directions that
-the contacts do not show stay at the drawing. Covariance of the M-estimator (Huber 1981, 6.5) beside the
-prior: (s^2/v J'J + P'P)^{-1} with v = K^2 sum psi^2 / freedom, s = mean psi', K = 1 + P / N var(psi') / s^2.
+(Förstner 1979), with a wide log-normal prior: a sort whose few numbers the parameters can meet exactly says
+nothing of its noise, and would be taken for exact. tau: plausible size of a deviation from the drawing,
+`Parameter.plausible`: directions that the contacts do not show stay at the drawing. Covariance of the
+M-estimator (Huber 1981, 6.5) beside the prior: (s^2/v J'J + P'P)^{-1} with v = K^2 sum psi^2 / freedom,
+s = mean psi', K = 1 + P / N var(psi') / s^2.
 """
 
 from __future__ import annotations
@@ -17,7 +19,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy import linalg
+from scipy import linalg, optimize
 
 from exactarm.chain import Layout
 from exactarm.data.dataset import Dataset
@@ -33,6 +35,8 @@ from exactarm.robot.robot import Robot
 TAIL_FREEDOM = 4.0  # a slip of 10 sigma counts 7 %; normal noise is used to 95 %
 _FIRST_SIGMA = (1e-3, 2e-3)  # m, rad
 _LEAST_SIGMA = 1e-9
+# of every sort before any data, m or rad: from 0.014 to 0.7 mm (95 %), as seats, styli and trackers are
+_USUAL_SIGMA, _USUAL_SPREAD = 1e-4, 1.0  # median, standard deviation of the logarithm
 _ROUNDS, _SETTLED = 60, 2e-4
 _INNER_STEPS = 12
 # of the weighted square sum: a further step would gain less, a tenth of a standard deviation
@@ -241,9 +245,20 @@ def _estimated_noise(data, prediction: ClosurePrediction, sigma, keep, worth, pu
             block &= used
             if block.any():
                 square = np.sum(((weight[:, None] * prediction.residual)[block]) ** 2)
-                redundancy = max(float(((worth * alone)[:, None] * block).sum() - leverage[block].sum()), 1.0)
-                found[name, part] = max(float(np.sqrt(square / redundancy)), _LEAST_SIGMA)
+                redundancy = float(((worth * alone)[:, None] * block).sum() - leverage[block].sum())
+                found[name, part] = _likeliest_sigma(float(square), redundancy)
     return Noise(found)
+
+
+def _likeliest_sigma(square: float, redundancy: float) -> float:
+    """Where redundancy ln(sigma) + square / (2 sigma^2) is least beside the prior: its slope by ln(sigma)
+    rises throughout."""
+    slope = lambda log: (max(redundancy, 0.0) - square * np.exp(-2.0 * log)
+                         + (log - np.log(_USUAL_SIGMA)) / _USUAL_SPREAD**2)
+    low, high = np.log(_LEAST_SIGMA), np.log(1e3)
+    if slope(low) >= 0.0:
+        return _LEAST_SIGMA
+    return float(np.exp(optimize.brentq(slope, low, high, xtol=1e-9)))
 
 
 def _leverage(prediction: ClosurePrediction, scale: np.ndarray, pull: np.ndarray) -> np.ndarray:

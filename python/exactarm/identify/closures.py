@@ -323,6 +323,15 @@ def gross_corner_warning(data: Dataset) -> tuple[str, ...]:
             "their picture and are left out: wrongly found, or wrongly numbered",)
 
 
+def slipped_rows(weight: np.ndarray) -> tuple[str, ...]:
+    """One line on rows that the fit all but leaves out; weight (N,): square roots of the robust weights."""
+    slipped = int(np.sum(weight < SLIPPED))
+    if not slipped:
+        return ()
+    return (f"{slipped} of {len(weight)} rows lie far beside their contact and count for little: slipped, or "
+            "wrongly numbered",)
+
+
 def _warnings(robot: Robot, declared: DeclaredClosures, data: Dataset):
     fit = declared.fit
     if not fit.fit.converged:
@@ -336,11 +345,7 @@ def _warnings(robot: Robot, declared: DeclaredClosures, data: Dataset):
         yield SCALE
     if gravity_alone(data):
         yield GRAVITY_ALONE
-    slipped = int(np.sum(fit.weight < SLIPPED))
-    if slipped:
-        yield (
-            f"{slipped} of {len(data)} rows lie far beside their contact and count for little: slipped, or "
-            "wrongly numbered")
+    yield from slipped_rows(fit.weight)
     tools = sum(isinstance(effect, Target) for effect in fit.layout.effects)
     if tools > 1:
         yield f"the {tools} sessions have a tool each: one for all of them fits far worse"

@@ -1,14 +1,16 @@
 """Gravity sensors on the flange: an inclinometer or an accelerometer at rest, read in many poses.
 
     v = R_s R' u                    u (3,): up in the base frame, tilted from the declared one by two angles
-    tilt    (1 + s_k) asin(v_k) + b_k     k = x, y: angle of the sensor's axis above the horizon, rad
-    accel   (1 + s_k) v_k + b_k / g        k = x, y, z: specific force in units of g; at rest it points up
+    w = v + C v                       C (3, 3) strictly lower triangular: axes that are not at right angles
+    tilt    (1 + s_k) asin(w_k) + b_k     k = x, y: angle of the sensor's axis above the horizon, rad
+    accel   (1 + s_k) w_k + b_k / g        k = x, y, z: specific force in units of g; at rest it points up
 
 R (3, 3): orientation of the target in the base frame, R_s: of the sensor on it (mounting); s: gain, b: zero
 or bias. Numbers are angles: an error of 1 mrad is 1 mm at a lever of 1 m. Unknown of each session: mounting
-(3), tilt of the base (2), gain and zero of each axis, the last three with a prior. Gravity's
-direction shows no length, nor a turn about the vertical. Limits: no cross-axis sensitivity beyond mounting;
-no tilt beyond some 87 degrees, where the arc sine has no slope. Source: IEEE Std 1293 (accelerometers).
+(3), tilt of the base (2), gain and zero of each axis, sensitivity across the axes (1 or 3: what is left once
+the mounting has taken its turn), all but the first with a prior. Gravity's direction shows no length, nor a
+turn about the vertical. Limits: no curved response; no tilt beyond some 87 degrees, where the arc sine has
+no slope. Source: IEEE Std 1293 (accelerometers).
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ from exactarm.robot.robot import GRAVITY_M_S2
 
 GAIN = 0.05  # standard deviation before any data; data sheets of cheap sensors: 3 to 5 %
 BIAS_M_S2, ZERO_RAD = 0.5, 0.05  # the same: 50 mg, 3 degrees
+CROSS = 0.02  # sensitivity across the axes, the same: 1 to 2 %
 BASE_TILT_RAD = 0.2  # beside the robot file's gravity, which says how the arm is mounted
 _STEEPEST = 1.0 - 1.5e-3  # sine of 87 degrees: beyond it the reading of a tilt has no slope
 _MIRRORED = 0.3  # a mirrored sensor must leave less than this share of the best rotation's error
@@ -55,10 +58,21 @@ class GravitySensor(Contact):
             *(Parameter(f"base_tilt_{axis}_rad", np.pi, prior=BASE_TILT_RAD) for axis in "uv"),
             *(Parameter(f"gain_{axis}", 1.0, lower=-0.9, prior=GAIN) for axis in axes),
             *(Parameter(name.format(axis), 10.0, prior=prior) for axis in axes),
+            *(Parameter(f"cross_{axes[k]}{axes[j]}", 0.5, prior=CROSS) for k, j in self._crossed()),
         )
 
+    @classmethod
+    def _crossed(cls) -> list[tuple[int, int]]:
+        """(k, j): the sensor's axis k feels what points along j."""
+        return [(k, j) for k in range(cls.numbers) for j in range(k)]
+
+    @classmethod
+    def size(cls) -> int:
+        """How many parameters there are."""
+        return 5 + 2 * cls.numbers + len(cls._crossed())
+
     def started(self, view, at):
-        zeros = np.zeros(5 + 2 * self.numbers)
+        zeros = np.zeros(self.size())
         up = self.with_values(zeros).direction(view, at)[0]
         reference = self._mounted(up, self.reading(view.data, at), view.data)
         rows = tuple(tuple(map(float, row)) for row in reference)
@@ -94,12 +108,18 @@ class GravitySensor(Contact):
     def numbers_at(self, view, at):
         c = self.numbers
         v, by_turn, by_frame = self.direction(view, at)
-        perfect, by_v = self._scaled(v)
-        gain, zero = np.asarray(self.values[5 : 5 + c]), np.asarray(self.values[5 + c :])
-        by_v = (1.0 + gain)[:, None] * by_v
-        own = np.zeros((len(at), c, 2 * c))
+        gain, zero, cross = np.split(np.asarray(self.values[5:]), [c, 2 * c])
+        skewed = np.eye(3)
+        for (k, j), value in zip(self._crossed(), cross):
+            skewed[k, j] = value
+        perfect, by_felt = self._scaled(v @ skewed.T)
+        by_felt = (1.0 + gain)[:, None] * by_felt
+        by_v = by_felt @ skewed
+        own = np.zeros((len(at), c, 2 * c + len(cross)))
         own[:, range(c), range(c)] = perfect
         own[:, range(c), range(c, 2 * c)] = self._unit
+        for place, (k, j) in enumerate(self._crossed(), 2 * c):
+            own[:, :, place] = by_felt[:, :, k] * v[:, j, None]
         turn = by_v @ by_turn
         by_target = np.concatenate([np.zeros_like(turn), turn], axis=2)
         numbers = (1.0 + gain) * perfect + zero * self._unit

@@ -90,7 +90,7 @@ def _gravity(robot: VirtualRobot, contact: str, session: int, count: int, sensor
     c, tilts = sensor.numbers, contact == "tilt"
     values = np.concatenate([
         np.zeros(3), random.normal(0.0, _LEANS_RAD, 2), random.normal(0.0, _GAIN, c),
-        random.normal(0.0, _ZERO_RAD if tilts else _BIAS_M_S2, c),
+        random.normal(0.0, _ZERO_RAD if tilts else _BIAS_M_S2, c), np.zeros(sensor.size() - 5 - 2 * c),
     ])
     mounting = exp(random.normal(0.0, 1.0, 3))
     sensor = replace(sensor.with_values(values), reference=tuple(tuple(map(float, row)) for row in mounting))
