@@ -134,6 +134,23 @@ def test_another_processor_gives_the_same_numbers(command, folder, tmp_path):
 
 
 @pytest.mark.slow
+def test_another_processor_names_the_same_causes_of_a_measured_motion(folder, tmp_path):
+    """Two of the TX40's causes changed places, for columns of rounding decided how friction turns over."""
+    found = []
+    for variables in ({}, OTHER_PROCESSOR):
+        words = ["diagnose", "tx40", "tx40/motion", "--out", str(tmp_path), "--threads", "1", "--quiet"]
+        done = subprocess.run([sys.executable, "-m", "exactarm", *words], timeout=1800, text=True,
+                              env=environment(PACKAGE, folder) | variables, capture_output=True)
+        assert (done.returncode, done.stderr) == (0, "")
+        told = json.loads((tmp_path / "result.json").read_text())
+        found.append([(e["effect"], e["joint"], [p["value"] for p in e["parameters"].values()])
+                      for e in told["effects"]])
+    assert [each[:2] for each in found[0]] == [each[:2] for each in found[1]]
+    for one, other in zip(*found):
+        np.testing.assert_allclose(other[2], one[2], rtol=1e-6)
+
+
+@pytest.mark.slow
 def test_the_watch_sees_what_leaves_the_folder(folder, tmp_path):
     done = run("accept", folder, tmp_path / "out", [str(WATCHED), str(tmp_path)], 1)
     assert done.returncode == 3 and str(folder / "effects") in done.stderr

@@ -153,6 +153,11 @@ class ClosureProblem(ProblemAtRest):
         return 1.0 - corners / max(numbers, 1)
 
     @property
+    def measured_poses(self) -> int:
+        """Of pictures every corner is a row."""
+        return len(np.unique(self.groups()))
+
+    @property
     def least_share(self) -> float:
         return Problem.least_share * self.of_the_arm
 

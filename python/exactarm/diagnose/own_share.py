@@ -47,7 +47,8 @@ def own_shares(problem: Problem, fitted: Fitted, first: int) -> tuple[Own, ...] 
     density = lambda left: log_density(error(left), numbers, freedom)
     design = fitted.design
     rows = fitted.data_numbers
-    norm = np.maximum(np.linalg.norm(design, axis=0), 1e-300)
+    norm = np.linalg.norm(design, axis=0)
+    norm[norm == 0.0] = 1.0
     gram = design.T @ design / np.outer(norm, norm) + _RIDGE * np.eye(len(norm))
     found = []
     for place in range(first, len(fitted.layout.effects)):

@@ -34,10 +34,14 @@ class ProblemAtRest(Problem):
         require_geometry(robot)
 
     def search_rows(self) -> np.ndarray | None:
-        poses = len(np.unique(self.groups()))  # of pictures every corner is a row
-        if poses <= _SEARCH_POSES:
+        if self.measured_poses <= _SEARCH_POSES:
             return None
-        return pose_split(self.data, np.random.default_rng(self.seed), _SEARCH_POSES / poses)
+        share = _SEARCH_POSES / self.measured_poses
+        return pose_split(self.data, np.random.default_rng(self.seed), share)
+
+    @property
+    def measured_poses(self) -> int:
+        return len(self.data)
 
     def groups(self) -> np.ndarray:
         return self._groups

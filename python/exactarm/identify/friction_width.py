@@ -206,6 +206,6 @@ def _smooth_curves(view, rate: np.ndarray, axis: int) -> np.ndarray:
 
 def _basis(columns: np.ndarray) -> np.ndarray:
     """Orthonormal."""
-    columns = columns[:, np.any(columns, axis=0)]
-    basis, weights = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)[:2]
+    norm = np.linalg.norm(columns, axis=0)
+    basis, weights = np.linalg.svd(columns[:, norm > 0.0] / norm[norm > 0.0], full_matrices=False)[:2]
     return basis[:, weights > _DEPENDENT * weights.max(initial=0.0)]
