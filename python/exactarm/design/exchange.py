@@ -56,8 +56,9 @@ def exchange(pool: np.ndarray, start: np.ndarray, rng: np.random.Generator,
     chosen = list(start)
     known = np.zeros((pool.shape[-1],) * 2) if prior is None else prior
     least = options.keep.least_gain(len(chosen), pool.shape[-1]) if prior is None else 0.0
-    value = options.keep.value(known + information_of(pool[chosen]))
-    if not (np.isfinite(value) and is_regular(known + information_of(pool[chosen]))):
+    information = known + information_of(pool[chosen])
+    value = options.keep.value(information)
+    if not (np.isfinite(value) and is_regular(information)):
         raise ComputationError(f"a set of {len(chosen)} experiments cannot identify {pool.shape[-1]} "
                                "parameters")
     best, history = (value, np.array(chosen)), [value]
