@@ -38,7 +38,7 @@ def test_intervals_hold_the_truth_where_neighbours_share_noise(columns, ratio, m
     order = np.arange(float(ROWS))
     cover = (np.eye(ROWS) + ratio * kernel(order, memory)) / (1.0 + ratio)
     noise = NoiseModel(np.ones(3), np.ones(ROWS), wandering=Wandering(ratio, memory, 0.0), order=order)
-    shared = shared_covariance(columns, np.zeros((0, 4)), noise, np.arange(ROWS), order)
+    shared = shared_covariance(columns, np.zeros((0, 4)), noise, np.arange(ROWS), order, None)
     alone = np.linalg.inv(columns.reshape(-1, 4).T @ columns.reshape(-1, 4))
     assert np.all(np.abs(inside(columns, cover, shared) - 0.95) < 4.0 * np.sqrt(0.95 * 0.05 / REPEATS))
     assert np.all(inside(columns, cover, alone)[:2] < 0.75)  # what stays from row to row
@@ -51,7 +51,7 @@ def test_intervals_hold_the_truth_where_visits_share_noise(columns):
     same = columns[3 * visits]  # three visits of each pose
     cover = (np.eye(ROWS) + 2.0 * (visits[:, None] == visits)) / 3.0
     noise = NoiseModel(np.ones(3), np.ones(ROWS), visits=visits, shared=2.0)
-    shared = shared_covariance(same, np.zeros((0, 4)), noise, visits, None)
+    shared = shared_covariance(same, np.zeros((0, 4)), noise, visits, None, None)
     alone = np.linalg.inv(same.reshape(-1, 4).T @ same.reshape(-1, 4))
     assert np.all(np.abs(inside(same, cover, shared) - 0.95) < 4.0 * np.sqrt(0.95 * 0.05 / REPEATS))
     assert np.all(inside(same, cover, alone) < 0.9)
@@ -61,5 +61,5 @@ def test_rows_that_share_nothing_have_the_covariance_of_independent_ones(columns
     noise = NoiseModel(np.ones(3), np.ones(ROWS))
     prior = np.diag([0.0, 0.0, 5.0, 0.0])
     flat = columns.reshape(-1, 4)
-    found = shared_covariance(columns, prior, noise, np.arange(ROWS), None)
+    found = shared_covariance(columns, prior, noise, np.arange(ROWS), None, None)
     np.testing.assert_allclose(found, np.linalg.inv(flat.T @ flat + prior.T @ prior), rtol=1e-10)

@@ -34,6 +34,7 @@ from exactarm.numerics.white_noise import white_noise
 
 _LOWEST_HZ = 2.0  # a tone below it changes the rate by a hundredth of what one count in a sample does
 _CERTAIN, _MORE = 6.0, 4.0  # standard deviations: of one sample of many, of a mean of many
+_FEW_COUNTS = 4.0  # in a period of the bandwidth: of more, smoothing leaves a tenth of the rate
 _REACH = 3.0  # standard deviations of a filter, beyond which its kernel holds 0.3 %
 
 
@@ -48,6 +49,30 @@ def smoothest(counted: np.ndarray, time: np.ndarray, cutoff_hz: float) -> np.nda
         if step > 0.0:
             angle[:, column] = _lowered(counted[:, column], angle[:, column], time, cutoff_hz, step)
     return angle
+
+
+def between_counts(counted: np.ndarray, time: np.ndarray, cutoff_hz: float) -> np.ndarray:
+    """(R, m) the same of columns that are rounded, and the others as they are."""
+    rounded = [column for column, values in enumerate(counted.T) if step_of_quantisation(values) > 0.0]
+    if not rounded:
+        return counted
+    angle = counted.copy()
+    angle[:, rounded] = smoothest(counted[:, rounded], time, cutoff_hz)
+    return angle
+
+
+def crept(counted: np.ndarray, time: np.ndarray, bandwidth_hz: float) -> np.ndarray:
+    """(R, m) samples of angles around which, within a period of the bandwidth, some counts pass but no more
+    than four: the rate that follows tells little of when the axis turned."""
+    half = int(np.ceil(0.5 / (bandwidth_hz * typical_step(time))))
+    out = np.zeros(counted.shape, bool)
+    for column, values in enumerate(counted.T):
+        if (step := step_of_quantisation(values)) > 0.0:
+            passed = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(values)) / step)])
+            place = np.arange(len(values))
+            count = (passed[np.minimum(place + half, len(values) - 1)] - passed[np.maximum(place - half, 0)])
+            out[:, column] = (count > 0.5) & (count < _FEW_COUNTS + 0.5)
+    return out
 
 
 def folded_rounding(counted: np.ndarray, runs: Sequence[np.ndarray]) -> float:

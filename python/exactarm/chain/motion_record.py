@@ -19,8 +19,10 @@ import numpy as np
 from scipy import linalg, sparse
 
 from exactarm import _core
+from exactarm.chain.angle_noise import AngleNoise, angle_noise
 from exactarm.chain.direction import direction_of_motion
 from exactarm.chain.dry_friction import DryFriction
+from exactarm.chain.encoder_counts import between_counts, crept
 from exactarm.chain.log_samples import ORDER, LogSamples, low_pass
 from exactarm.chain.lost_samples import FILLED_PERIODS, Filled, without_gaps
 from exactarm.data.dataset import Dataset
@@ -50,6 +52,8 @@ class MotionRecord:
     at_reversal (N,) bool: rows that hang on what no model defines (chain/passage.py); keep: inside and not
     at_reversal; behind_kept: how many more stay because too few rows would be left.
 
+    creeping (N,) bool: rows at which the rounding of a slow axis' angle decides its friction; noise: of the
+    angles (chain/angle_noise.py); both None where nothing was measured.
     direction (N, n): of the motor's motion, -1 to 1 (chain/direction.py).
     data: the resampled rows; runs: row indices in the order of time; bandwidth_hz: None where nothing was
     filtered; step, logged_step: s between its rows and between those of the log;
@@ -71,11 +75,14 @@ class MotionRecord:
     dry: DryFriction
     at_reversal: np.ndarray
     behind_kept: int = 0
+    creeping: np.ndarray | None = None
+    noise: AngleNoise | None = None
     samples: LogSamples | None = None
 
     @property
     def keep(self) -> np.ndarray:
-        return self.inside & ~self.at_reversal & ~self.dry.unsettled(self)
+        kept = self.inside & ~self.at_reversal & ~self.dry.unsettled(self)
+        return kept if self.creeping is None else kept & ~self.creeping
 
     @cached_property
     def _dry_signs(self) -> dict[int, tuple[np.ndarray, np.ndarray]]:
@@ -162,20 +169,20 @@ def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None
 
     Raises InputError where torque, angles or time are missing or a run is too short.
     """
-    bandwidth = default_bandwidth(robot, data) if bandwidth_hz is None else bandwidth_hz
     if data.time is None:
         raise InputError("a motion needs a time: expected the column time_s")
-    torque, theta = measured_torque(robot, data), motor_angles(robot, data)
+    torque, (time, theta) = measured_torque(robot, data), _on_even_clocks(robot, data)
     rates = _given_rates(robot, data)
+    noise = angle_noise(robot, data, theta, torque, rates)
+    bandwidth = _bandwidth(robot, data, noise) if bandwidth_hz is None else bandwidth_hz
     parts, steps, waves = [], [], any(joint.has_harmonics for joint in robot.joints)
     each_period = rows_share * (_ROWS_WITH_HARMONICS if waves else _ROWS_PER_PERIOD)
     for rows in runs_in_time(data):
         step = typical_step(data.time[rows]) if rows.size > 1 else np.inf
         steps.append(step)
-        time, angle = _on_an_even_clock(robot, data.time[rows], theta[rows])
-        signals = (angle, torque[rows], *(() if rates is None else (rates[rows],)))
+        signals = (theta[rows], torque[rows], *(() if rates is None else (rates[rows],)))
         stretches = [_Run(rows, step, bandwidth < _LARGEST / step, each_period, stretch)
-                     for stretch in without_gaps(time, signals, FILLED_PERIODS / bandwidth)]
+                     for stretch in without_gaps(time[rows], signals, FILLED_PERIODS / bandwidth)]
         if short := max(stretches, key=lambda run: run.stretch.time.size).too_short(bandwidth):
             raise InputError(short)
         parts += [run.resampled(bandwidth) for run in stretches if not run.too_short(bandwidth)]
@@ -192,7 +199,8 @@ def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None
                         bandwidth_hz=bandwidth if filtered else None,
                         step=float(np.median([np.median(np.diff(part[6])) for part in parts])),
                         logged_step=float(np.median(steps)), dry=DryFriction.of(robot.axes),
-                        at_reversal=np.zeros(len(kept), bool),
+                        at_reversal=np.zeros(len(kept), bool), noise=noise,
+                        creeping=np.any(stack(10) & noise.creeps(bandwidth, float(np.median(steps))), axis=1),
                         samples=_samples(robot, parts, float(np.median(steps)), bandwidth))
 
 
@@ -208,20 +216,26 @@ def _samples(robot: Robot, parts: list[tuple], step: float, bandwidth: float) ->
 
 
 def default_bandwidth(robot: Robot, data: Dataset) -> float:
-    """20 Hz; well below the arm's lowest resonance where declared gear errors shake declared springs.
+    """20 Hz; lower where the noise of the angles would drown that of the torque, and well below the arm's
+    lowest resonance where declared gear errors, or that noise, shake declared springs.
 
     Near it, what the drives feel hangs on a damping that nobody declared.
     """
-    shaken = (any(joint.has_harmonics for joint in robot.joints)
-              and all(joint.spring_linear for joint in robot.joints))
-    if not shaken or robot.links is None:
-        return BANDWIDTH_HZ
-    rows = np.linspace(0, len(data) - 1, min(_SAMPLED_ROWS, len(data))).astype(int)
-    q = motor_angles(robot, data.select(rows)) / robot.ratios + robot.offsets
-    stiffness = np.diag([joint.spring_linear for joint in robot.joints])
-    softest = min(linalg.eigh(stiffness, mass, eigvals_only=True)[0]
-                  for mass in _core.mass_matrix(robot.core, q))
-    return float(np.clip(_BELOW_RESONANCE * np.sqrt(softest) / (2.0 * np.pi), _SLOWEST_HZ, BANDWIDTH_HZ))
+    theta, torque = _on_even_clocks(robot, data)[1], measured_torque(robot, data)
+    return _bandwidth(robot, data, angle_noise(robot, data, theta, torque, _given_rates(robot, data)))
+
+
+def _bandwidth(robot: Robot, data: Dataset, noise: AngleNoise) -> float:
+    bandwidth = min(noise.quiet_below, BANDWIDTH_HZ)
+    shaken = any(joint.has_harmonics for joint in robot.joints) or bandwidth < BANDWIDTH_HZ
+    if shaken and all(joint.spring_linear for joint in robot.joints) and robot.links is not None:
+        rows = np.linspace(0, len(data) - 1, min(_SAMPLED_ROWS, len(data))).astype(int)
+        q = motor_angles(robot, data.select(rows)) / robot.ratios + robot.offsets
+        stiffness = np.diag([joint.spring_linear for joint in robot.joints])
+        softest = min(linalg.eigh(stiffness, mass, eigvals_only=True)[0]
+                      for mass in _core.mass_matrix(robot.core, q))
+        bandwidth = min(bandwidth, _BELOW_RESONANCE * float(np.sqrt(softest)) / (2.0 * np.pi))
+    return max(bandwidth, _SLOWEST_HZ)
 
 
 def full_record(robot: Robot, data: Dataset, bandwidth_hz: float = BANDWIDTH_HZ,
@@ -252,6 +266,14 @@ def full_record(robot: Robot, data: Dataset, bandwidth_hz: float = BANDWIDTH_HZ,
     inside = np.ones(len(data), bool)
     return MotionRecord(data, theta, rate, acceleration, torque, direction, inside, tuple(runs), band, step,
                         step, DryFriction.of(robot.axes), ~inside)
+
+
+def _on_even_clocks(robot: Robot, data: Dataset) -> tuple[np.ndarray, np.ndarray]:
+    """Times (N,) and motor angles (N, n) of all runs."""
+    time, theta = data.time.astype(float), motor_angles(robot, data).copy()
+    for rows in runs_in_time(data):
+        time[rows], theta[rows] = _on_an_even_clock(robot, time[rows], theta[rows])
+    return time, theta
 
 
 def _on_an_even_clock(robot: Robot, stamps: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -306,13 +328,13 @@ class _Run:
         return f"a run of {count} samples without a gap is too short; expected at least {least}"
 
     def resampled(self, bandwidth):
-        """(kept rows, theta, theta_dot, theta_ddot, torque, keep, time) of the stretch, then angle and rate
-        of all its samples, and how many of these a row stands for."""
+        """(kept rows, theta, theta_dot, theta_ddot, torque, keep, time) of the stretch, angle and rate of all
+        its samples, how many of these a row stands for, and (R, n) where too few counts tell a rate."""
         step, edge, time = self.step, self._edge(bandwidth), self.stretch.time
         angle, moment, *rates = self.stretch.signals
         wide = _WIDE * bandwidth
         if self.filtered and wide < _LARGEST / step:
-            angle = low_pass(angle, wide, step)
+            angle = low_pass(between_counts(angle, time, wide), wide, step)
         derivative = derivative_operator(time)
         rate = rates[0] if rates else derivative @ angle
         if rates and self.filtered and wide < _LARGEST / step:
@@ -327,4 +349,4 @@ class _Run:
         pick = slice(0, None, every)
         rows = self.rows[self.stretch.row]
         picked = (values[pick] for values in (rows, angle, rate, acceleration, moment, keep, time))
-        return (*picked, angle, rate, every)
+        return (*picked, angle, rate, every, crept(self.stretch.signals[0], time, bandwidth)[pick])

@@ -308,7 +308,7 @@ def _known_beside(problem: Problem, fitted: Fitted, noise: NoiseModel, rows: np.
     bool: those that the noise was estimated from, None = all."""
     used = fitted.weight[fitted.weight > 0.0]
     held = noise.held_share if np.ptp(used) > 0.0 else 1.0
-    if noise.wandering is None and noise.shared == 0.0:
+    if noise.wandering is None and noise.shared == 0.0 and noise.rounding is None:
         return replace(fitted, fit=fitted.fit.known_by(fitted.fit.covariance / held, fitted.fit.freedom))
     order = problem.order()
     if order is not None and rows is not None:  # a memory is counted in distances between the rows searched
@@ -318,7 +318,7 @@ def _known_beside(problem: Problem, fitted: Fitted, noise: NoiseModel, rows: np.
     free = ~fitted.fit.at_bound
     covariance = np.zeros_like(fitted.fit.covariance)
     covariance[np.ix_(free, free)] = shared_covariance(columns[:, :, free], fitted.prior_rows[:, free], noise,
-                                                       problem.groups(), order) / held
+                                                       problem.groups(), order, problem.rounding()) / held
     return replace(fitted, fit=fitted.fit.known_by(covariance, fitted.fit.freedom))
 
 

@@ -263,7 +263,7 @@ class MotionProblem(ProblemInTime):
 
     def repeat_noise(self, fitted: Fitted) -> float | None:
         """From the torque as it was logged, above what moves an arm: its white noise, as much as passes the
-        low-pass.
+        low-pass, and what the noise of the angles adds to it.
 
         None where that noise is not white, or grows towards the band on every axis: then nothing says how
         much of it lies below.
@@ -273,6 +273,8 @@ class MotionProblem(ProblemInTime):
         parts = [torque[rows] for rows in runs_in_time(self.data) if rows.size > 4 * _LEAST_SAMPLES]
         if not parts:
             return None
+        step, band = self.record.logged_step, self.record.bandwidth_hz
+        beside = self.record.noise.torque(0.5 / step if band is None else band)[axes] ** 2
         variances = []
         for axis, sigma in enumerate(np.sqrt(np.mean(torque**2, axis=0))):
             each = [[white_noise(part[::every, axis]) for part in parts] for every in (1, 2)]
@@ -280,12 +282,11 @@ class MotionProblem(ProblemInTime):
             if not _LEAST_NOISE * sigma < fine or not 1.0 / _WHITE < coarse / fine < _WHITE:
                 return None
             variances.append(fine**2)
-        step = self.record.logged_step
-        if self.record.bandwidth_hz is not None:
-            rise = rise_towards_band(parts, step, max(self.record.bandwidth_hz, BANDWIDTH_HZ))
+        if band is not None:
+            rise = rise_towards_band(parts, step, max(band, BANDWIDTH_HZ))
             if rise is not None and np.min(rise) > _WHITE:
                 return None
-        floor = np.sqrt(np.mean(variances) * self.record.white_share(step))
+        floor = np.sqrt(np.mean(variances + beside) * self.record.white_share(step))
         return float(min(floor / self.error_of_unit_noise(fitted), 1.0))
 
     def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:

@@ -16,7 +16,6 @@ from scipy.spatial import cKDTree
 from exactarm.data.kinds import kind_of
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.problem import Problem
-from exactarm.diagnose.quantisation import rounding_noise
 
 _CLOSE_RAD = 0.02
 _COPIED = 1e-6  # of the noise that is taken for that of repeats: their differences are rounding
@@ -43,7 +42,8 @@ def noise_floor(problem: Problem, final: Fitted) -> NoiseFloor:
         unit *= float(np.sqrt(1.0 + getattr(final.noise, "shared", 0.0)))
     elif repeats is not None:
         # A model of many terms may follow the repeats a little closer than their own scatter.
-        value, rounding = min(repeats, 1.0) * unit, rounding_noise(problem, final)
+        value, known = min(repeats, 1.0) * unit, problem.rounding()
+        rounding = 0.0 if known is None else float(np.sqrt(np.sum(known[:, :3] ** 2) / len(known)))
         also = " and the rounding of the reported angles" if rounding > _ROUNDING_SHARE * value else ""
         return NoiseFloor(float(np.hypot(value, rounding)), problem.repeat_source + also, True)
     close = neighbour_noise(problem, final)

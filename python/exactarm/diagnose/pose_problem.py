@@ -15,6 +15,7 @@ from exactarm.diagnose.in_space import InSpace, errors_in_space
 from exactarm.diagnose.next_poses import next_poses, sentence_of
 from exactarm.diagnose.pose_fitted import PoseFitted
 from exactarm.diagnose.problem_at_rest import ProblemAtRest
+from exactarm.diagnose.quantisation import rounding_of_angles
 from exactarm.diagnose.signal import PLACE, POSITION, Direction, Signal, axis_of, tilt_of, turn_of
 from exactarm.effects.base import Station
 from exactarm.effects.moving_frames import MovingFrames, turned_about
@@ -53,6 +54,14 @@ class PoseProblem(ProblemAtRest):
 
     def declared(self) -> Layout:
         return self.calibrated.layout
+
+    @cached_property
+    def _rounding(self) -> np.ndarray | None:
+        size = 6 if self.orientation else 3
+        return rounding_of_angles(self.data, self.robot, self.calibrated.prediction.view, size)
+
+    def rounding(self) -> np.ndarray | None:
+        return self._rounding
 
     def _whole(self, frames: Layout) -> Layout:
         """The declared model beside these frames, whether the poses can tell its parameters or not."""

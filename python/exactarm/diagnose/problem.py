@@ -91,7 +91,12 @@ class Problem(ABC):
 
     def noise_of(self, left: np.ndarray, lost: float | np.ndarray = 0.0) -> NoiseModel:
         """The noise of the rows (N, m), from what `lost` parameters, in all or of each component, leave."""
-        return estimate_noise(left, lost, self.groups(), self.order(), self.data.position)
+        return estimate_noise(left, lost, self.groups(), self.order(), self.data.position, self.rounding())
+
+    def rounding(self) -> np.ndarray | None:
+        """(N, m, n): what the rounding of each axis does to the rows; None where nothing is rounded, or that
+        is dealt with otherwise."""
+        return None
 
     def groups_for(self, response: np.ndarray) -> np.ndarray:
         """The groups by which an effect is judged whose response has the square (N,) in each row."""

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from exactarm.data.kinds import kind_of
-from exactarm.diagnose.fitted import Fitted
-from exactarm.diagnose.problem import Problem
+from exactarm.data.dataset import Dataset
 from exactarm.effects.base import Station
+from exactarm.robot.robot import Robot
+from exactarm.view import View
 
 _LEAST_VALUES = 8  # distinct ones: fewer may lie on a grid by choice (commanded steps), which is no rounding
-_EXACT = 1e-9  # rad: below it a remainder is nothing, above it lies the last digit of any table
+_EXACT = 1e-9  # rad: below it a remainder is nothing
 _LEAST_STEP = 1e-7  # rad: a finer step moves no arm by a micrometre
 _LARGEST_STEP_RAD = 2e-3  # a grid coarser than any encoder is a choice of poses
 
@@ -36,19 +36,14 @@ def step_of(values: np.ndarray) -> float:
     return step if step > _LEAST_STEP else 0.0
 
 
-def rounding_noise(problem: Problem, fitted: Fitted) -> float:
-    """RMS over the rows of what the rounding of the reported angles moves the measured position (m); 0 for
-    other data."""
-    transfer = fitted.view.transfers.get(Station.GEAR)
-    if not kind_of(problem.kind).target_at_rest or transfer is None:
-        return 0.0
-    square = 0.0
-    for name, ratios in (("q", np.ones(fitted.view.axes)), ("theta", np.abs(fitted.robot.ratios))):
-        if name not in problem.data.joints:
-            continue
-        for axis, column in enumerate(problem.data.joints[name].T):
+def rounding_of_angles(data: Dataset, robot: Robot, view: View, size: int) -> np.ndarray | None:
+    """(N, m, n): what the rounding of each axis, by its standard deviation, does to the first `size`
+    components of poses at rest; None where no column is rounded."""
+    transfer, found = view.transfers[Station.GEAR], np.zeros((view.rows, size, view.axes))
+    for name, ratios in (("q", np.ones(view.axes)), ("theta", np.abs(robot.ratios))):
+        for axis, column in enumerate(data.joints[name].T if name in data.joints else ()):
             step = step_of(column) / ratios[axis]
             if 0.0 < step < _LARGEST_STEP_RAD:
-                moved = transfer((axis,), np.ones((fitted.view.rows, 1, 1)))[:, :3, 0]
-                square += step**2 / 12.0 * float(np.mean(np.sum(moved**2, axis=1)))
-    return float(np.sqrt(square))
+                moved = transfer((axis,), np.ones((view.rows, 1, 1)))[:, :size, 0]
+                found[:, :, axis] = step / np.sqrt(12.0) * moved
+    return found if np.any(found) else None

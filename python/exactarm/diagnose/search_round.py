@@ -96,7 +96,7 @@ def search_round(problem: Problem, at: At, noise: NoiseModel | None) -> Found | 
     if noise is not None and len(noise.weight) == len(at.residual):
         return _settled(problem, at, noise)
     asked = problem.noise_of(at.residual, at.jacobian.shape[2])
-    starts = [normal_noise(at.residual, at.jacobian.shape[2], at.groups)]
+    starts = [normal_noise(at.residual, at.jacobian.shape[2], at.groups, problem.rounding())]
     starts += [replace(asked, wandering=None)] if asked.family != "gauss" else []
     starts += [asked] if asked.wandering is not None else []
     found = (_settled(problem, at, start) for start in starts)  # one after another: a picture is large
@@ -149,6 +149,7 @@ def alike(one: NoiseModel, other: NoiseModel) -> bool:
     scale = lambda noise: np.sqrt(noise.weight)[:, None] / noise.sigma
     apart = scale(one) / (scale(other) + 1e-300)
     kept = one.family == other.family and abs(one.shared - other.shared) < 0.2 and one.wanders_like(other)
+    kept = kept and (one.rounding is None) == (other.rounding is None)
     return kept and float(np.max(np.abs(apart - 1.0))) < _SAME_SCALE
 
 

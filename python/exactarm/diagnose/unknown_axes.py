@@ -85,9 +85,9 @@ def _in_time(problem: Problem, fitted: Fitted) -> UnknownAxes:
 
 
 def _at_rest(problem: Problem, fitted: Fitted) -> UnknownAxes:
-    visits, lost = problem.groups(), fitted.spent
+    visits, lost, rounding = problem.groups(), fitted.spent, problem.rounding()
     vocabulary = vocabulary_of(fitted, [], problem.unknown_functions(fitted))
-    noise = estimate_noise(fitted.residual, lost, visits)
+    noise = estimate_noise(fitted.residual, lost, visits, rounding=rounding)
     if not vocabulary.blocks:
         return UnknownAxes(noise, {})
     for _ in range(_NOISE_PASSES):
@@ -95,7 +95,8 @@ def _at_rest(problem: Problem, fitted: Fitted) -> UnknownAxes:
         certain, posterior = search(picture, _MOST_FUNCTIONS)
         beside = posterior.members[posterior.best]
         members = Members(certain.blocks + beside.blocks, certain.scales + beside.scales)
-        before, noise = noise, estimate_noise(fitted.residual - picture.response(members), lost, visits)
+        before, noise = noise, estimate_noise(fitted.residual - picture.response(members), lost, visits,
+                                               rounding=rounding)
         if alike(before, noise):
             break
     signals, by_label = defaultdict(list), {}

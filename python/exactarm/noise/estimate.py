@@ -20,6 +20,7 @@ import numpy as np
 from scipy import special
 
 from exactarm.noise.model import NoiseModel
+from exactarm.noise.rounding import evened
 from exactarm.noise.wandering import gain_of, wandering_of
 from exactarm.numerics.together import lie_together
 
@@ -39,17 +40,17 @@ _LEAST_WITHIN = 1e-6
 
 def estimate_noise(
     residual: np.ndarray, lost: float | np.ndarray = 0.0, visits: np.ndarray | None = None,
-    order: np.ndarray | None = None, place: np.ndarray | None = None,
+    order: np.ndarray | None = None, place: np.ndarray | None = None, rounding: np.ndarray | None = None,
 ) -> NoiseModel:
     """The best family for residuals (N, m); lost: parameters that were fitted to them, in all or to each
     component (m,), the precise ones having the most; visits (N,): numbers of poses; order (N,): places of the
     rows in the order in which they were measured; place (N, d): where they were measured. Rows that lie
-    together there are not wrong by themselves."""
+    together there are not wrong by themselves. rounding: as `normal_noise` takes it."""
     rows, m = residual.shape
-    each = np.broadcast_to(np.asarray(lost) / (m if np.ndim(lost) == 0 else 1), m)
-    blow = np.sqrt(rows / np.maximum(rows - each, 1.0))  # a fit leaves less than the noise
-    lost = float(each.sum())
-    e = residual * blow
+    normal = normal_noise(residual, lost, visits, rounding)
+    visits, rounding = normal.visits, normal.rounding
+    e = _without_rounding(_blown(residual, lost), rounding)
+    lost = float(np.sum(lost))
     found, further = [], []  # parameters beyond those of one normal law
     for kinds in (_kinds(residual), np.ones(m, int)):
         for nu in (np.inf, *FREEDOMS):
@@ -65,13 +66,14 @@ def estimate_noise(
     together = int(seem.sum()) if in_space else 0
     wrong = special.expit(special.logsumexp(values[1::2]) - special.logsumexp(values[::2]))
     found = [replace(model, wrong_probability=float(wrong)) for model in found]
-    best = _with_visits(found[int(np.argmax(values))], residual, lost, visits)
+    best = _with_visits(found[int(np.argmax(values))], residual, lost, visits, rounding)
     if order is None:
         return replace(best, together=together)
     # Jumps of an instrument look like heavy tails as long as nothing is known of them: a normal law is tried
     # beside the best.
     normal = max((k for k, model in enumerate(found) if model.family == "gauss"), key=lambda k: values[k])
-    tried = {int(np.argmax(values)): best} | {normal: _with_visits(found[normal], residual, lost, visits)}
+    tried = {int(np.argmax(values)): best} | {
+        normal: _with_visits(found[normal], residual, lost, visits, rounding)}
     wandering = {k: _wandering(model, e, order) for k, model in tried.items()}
     gain = {k: values[k] + (model.wandering.gain if model.wandering is not None else 0.0)
             for k, model in wandering.items()}
@@ -79,14 +81,21 @@ def estimate_noise(
     return replace(best, together=together if best.wandering is None else 0)
 
 
-def _with_visits(noise: NoiseModel, residual: np.ndarray, lost: float,
-                 visits: np.ndarray | None) -> NoiseModel:
+def _with_visits(noise: NoiseModel, residual: np.ndarray, lost: float, visits: np.ndarray | None,
+                 rounding: np.ndarray | None) -> NoiseModel:
     """With what visits of one pose share, by the residuals (N, m) as the fit has left them."""
     if visits is None:
         return noise
     numbers = np.unique(visits, return_inverse=True)[1]
-    shared, within = _shared(residual / noise.sigma, noise.weight, numbers, lost)
-    return replace(noise, sigma=noise.sigma * np.sqrt(within), visits=numbers, shared=shared)
+    known, alike = None, numbers
+    if rounding is not None:
+        known = np.sum((rounding / noise.sigma[:, None]) ** 2, axis=2)
+        # seen from elsewhere, the same error points another way
+        key = np.round(rounding / np.max(np.abs(rounding)), 6).reshape(len(rounding), -1)
+        alike = np.unique(np.column_stack([numbers, key]), axis=0, return_inverse=True)[1].ravel()
+    shared, within = _shared(residual / noise.sigma, noise.weight, alike, lost, known)
+    return replace(noise, sigma=noise.sigma * np.sqrt(within), visits=numbers, shared=shared,
+                   rounding=rounding)
 
 
 def _wandering(noise: NoiseModel, e: np.ndarray, order: np.ndarray) -> NoiseModel:
@@ -101,9 +110,32 @@ def _white(noise: NoiseModel, e: np.ndarray) -> np.ndarray:
     return noise.whiten(e[:, :, None]).reshape(e.shape)
 
 
-def normal_noise(residual: np.ndarray, lost: float = 0.0, visits: np.ndarray | None = None) -> NoiseModel:
-    """One normal law for residuals (N, m), every row of full weight."""
-    return _with_visits(_student(residual, _kinds(residual), np.inf), residual, lost, visits)
+def normal_noise(residual: np.ndarray, lost: float | np.ndarray = 0.0, visits: np.ndarray | None = None,
+                 rounding: np.ndarray | None = None) -> NoiseModel:
+    """One normal law for residuals (N, m), every row of full weight.
+
+    rounding (N, m, n): what the rounding of each axis does to the rows, if they are rounded: commanded angles
+    may lie on a grid, too. The likelier of the two is taken, what visits share beside it paying half
+    the logarithm of the number of rows."""
+    if rounding is None:
+        return _with_visits(_student(residual, _kinds(residual), np.inf), residual, float(np.sum(lost)),
+                            visits, None)
+    e, visits = _blown(residual, lost), np.arange(len(residual)) if visits is None else visits
+    found = [_with_visits(_student(_without_rounding(e, known), _kinds(e), np.inf), residual,
+                          float(np.sum(lost)), visits, known) for known in (None, rounding)]
+    price = 0.5 * np.log(len(residual))
+    return max(found, key=lambda noise: noise.log_density(e) - (price if noise.shared > 0.0 else 0.0))
+
+
+def _blown(residual: np.ndarray, lost: float | np.ndarray) -> np.ndarray:
+    """A fit leaves less than the noise."""
+    rows, m = residual.shape
+    each = np.broadcast_to(np.asarray(lost) / (m if np.ndim(lost) == 0 else 1), m)
+    return residual * np.sqrt(rows / np.maximum(rows - each, 1.0))
+
+
+def _without_rounding(residual: np.ndarray, rounding: np.ndarray | None) -> np.ndarray:
+    return residual if rounding is None else evened(residual, rounding, _kinds(residual))
 
 
 def _kinds(residual: np.ndarray) -> np.ndarray:
@@ -114,7 +146,7 @@ def _kinds(residual: np.ndarray) -> np.ndarray:
 def log_likelihood_under(model: NoiseModel, residual: np.ndarray) -> float:
     """Of other residuals (N, m) under the family of a model, its scales refitted; what rows share in time as
     it is there."""
-    alone = _log_likelihood_alone(model, residual)
+    alone = _log_likelihood_alone(model, _without_rounding(residual, model.rounding))
     if model.wandering is None:
         return alone
     base = replace(model, wandering=None)
@@ -200,10 +232,14 @@ def _row_weight(square: np.ndarray, m: int, nu: float) -> np.ndarray:
     return (nu + m) / (nu + square) if np.isfinite(nu) else np.ones(len(square))
 
 
-def _shared(white: np.ndarray, weight: np.ndarray, visits: np.ndarray, lost: float) -> tuple[float, float]:
+def _shared(white: np.ndarray, weight: np.ndarray, visits: np.ndarray, lost: float,
+            known: np.ndarray | None = None) -> tuple[float, np.ndarray | float]:
     """Variance that the visits of a pose share, in units of that within, and that within (analysis of
     variance, by moments). A fit takes its share of what the poses have in common, next to nothing of what
-    visits differ by: all `lost` parameters are those of the means."""
+    visits differ by: all `lost` parameters are those of the means.
+
+    known (N, m): variance of what visits share that is known. It is no longer in proportion to the noise, so
+    that orientations have a scale of their own (m,), and the one within is the better measure of it."""
     counts = np.bincount(visits, weights=(weight > 0.0).astype(float))
     within_freedom = float(np.sum(np.maximum(counts - 1.0, 0.0)))
     if within_freedom < _LEAST_ROWS_A_VISIT:
@@ -212,9 +248,16 @@ def _shared(white: np.ndarray, weight: np.ndarray, visits: np.ndarray, lost: flo
     total = np.bincount(visits, weights=weight)
     sums = [np.bincount(visits, weights=weight * white[:, k]) for k in range(m)]
     means = np.stack(sums, axis=1) / np.maximum(total, 1e-300)[:, None]
-    inside = weight[:, None] * (white - means[visits]) ** 2
-    within = max(float(np.sum(inside)) / (within_freedom * m), _LEAST_WITHIN)
+    inside = np.sum(weight[:, None] * (white - means[visits]) ** 2, axis=0)
+    alike = np.array([m]) if known is None else _kinds(white)
+    within = np.add.reduceat(inside, np.cumsum(alike) - alike) / (within_freedom * alike)
+    within = np.repeat(np.maximum(within, _LEAST_WITHIN), alike)
     used = total > 0.0
-    between = float(np.sum(total[used, None] * means[used] ** 2)) / max(used.sum() * m - lost, 1.0)
-    shared = (between / within - 1.0) / float(np.mean(total[used]))
-    return (shared, within) if shared > 0.0 else (0.0, 1.0)
+    freedom = max(used.sum() * m - lost, 1.0)
+    between = float(np.sum(total[used, None] * means[used] ** 2 / within)) / freedom
+    if known is not None:
+        between -= float(np.sum(weight[:, None] * known / within)) / (used.sum() * m)
+    shared = (between - 1.0) / float(np.mean(total[used]))
+    if shared <= 0.0:
+        return 0.0, (1.0 if known is None else within)
+    return shared, within

@@ -3,6 +3,8 @@ larger."""
 
 from __future__ import annotations
 
+from math import comb
+
 import numpy as np
 
 # A stretch is so many periods of the band long; the quietest quarter of the stretches says what the noise is:
@@ -11,6 +13,7 @@ _PERIODS, _QUIET = 5.0, 0.25
 # in bandwidths: where noise that grows towards the band shows, and where only what is white is left; at most
 # this share of the sampling rate
 _NEAR, _FAR, _NYQUIST = (1.25, 2.5), 4.0, 0.45
+_ORDERS = (4, 6, 8)
 _LEAST_FREQUENCIES, _LEAST_STRETCHES = 5, 16
 
 
@@ -20,6 +23,18 @@ def white_noise(values: np.ndarray) -> float:
         return 0.0
     fourth = np.diff(values, 4)
     return float(1.4826 * np.median(np.abs(fourth)) / np.sqrt(70.0))
+
+
+def white_noise_of_smooth(values: np.ndarray) -> float:
+    """The same of a signal that may be smooth without being slow beside its samples: differences of several
+    orders agree on a noise, and fall where it is the motion itself."""
+    found = []
+    for order in _ORDERS:
+        if values.size <= order + 1:
+            return 0.0
+        differences = np.abs(np.diff(values, order))
+        found.append(1.4826 * float(np.median(differences)) / np.sqrt(comb(2 * order, order)))
+    return min(found)
 
 
 def rise_towards_band(runs: list[np.ndarray], step: float, bandwidth_hz: float) -> np.ndarray | None:
