@@ -112,6 +112,7 @@ def test_an_accepted_draft_is_diagnosed_like_any_effect(tmp_path, monkeypatch):
     ('[[effects]]\neffect = "expression"\njoint = 5\nof = []\nform = "a*("\nvalues = { a = 1.0 }\n',
      "effects[1]"),
     ('[[effects]]\neffect = "nothing"\n', "no known effect"),
+    ('[[effects]]\neffect = { a = 3e-4 }\n', "no known effect"),
     *(('[[effects]]\neffect = "expression"\njoint = 5\n'
        f'form = "{form}"\nof = ["q_1"]\nvalues = {{ {values} }}\n', "is zero at all angles")
       for form, values in (("0*q_1", ""), ("a*(q_1 - q_1)", "a = 1e-3"), ("a*sin(q_1)*0", "a = 0.0"))),

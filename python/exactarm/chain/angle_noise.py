@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm import _core
+from exactarm.chain.log_samples import low_pass
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds.base import runs_in_time
 from exactarm.numerics.signals import step_of_quantisation, typical_step
@@ -29,6 +30,9 @@ from exactarm.view import SIGN_WIDTH_RAD_S, motor_angles
 _SHARE = 1.0 / 3.0  # of the torque's own noise: raises what is left by a twentieth
 _LEAST_TORQUE_NOISE = 1e-3  # of the torque's RMS: no drive says it better
 _SAMPLED_ROWS = 16
+# of accelerations: a residual that holds the same noise follows them by a ten-thousandth of its square sum
+_ACCELERATION_SHARE = 0.01
+_SLOW_HZ, _LEAST_PERIODS, _NYQUIST = 5.0, 2.0, 0.4  # arms are moved below it
 _SLOPE_S = 0.02  # over which rates are taken for the friction: a reversal lasts longer
 
 
@@ -86,6 +90,21 @@ def angle_noise(robot: Robot, data: Dataset, theta: np.ndarray, torque: np.ndarr
     slope, slow = _friction(data, angle, torque, runs) if np.any(noise) else np.zeros((2, robot.axes))
     return AngleNoise(np.sqrt(_mean_square_inertia(robot, data) @ noise**2), slope * slow * noise, own,
                       rates is not None, slope, step if rates is None else np.zeros(robot.axes))
+
+
+def quiet_acceleration(angle: np.ndarray, runs: list[np.ndarray], step: float, highest: float) -> float:
+    """Hz: the highest low-pass, up to `highest`, of angles (N, n), sampled every `step` s, behind which noise
+    is at most a hundredth of the acceleration of any axis that moves."""
+    found = highest
+    for column in angle.T:
+        noise, _ = _noise(column, runs)
+        slow = [np.diff(low_pass(column[rows], _SLOW_HZ, step), 2) / step**2 for rows in runs
+                if rows.size * step * _SLOW_HZ > _LEAST_PERIODS and _SLOW_HZ * step < _NYQUIST]
+        moved = float(np.sqrt(np.mean(np.concatenate(slow) ** 2))) if slow else 0.0
+        if noise > 0.0 and moved > 0.0:
+            gain = 4.0 * np.pi**2 * np.sqrt(2.0 * step / 5.0) * noise  # times f^(5/2)
+            found = min(found, float((_ACCELERATION_SHARE * moved / gain) ** 0.4))
+    return max(found, min(highest, _SLOW_HZ))
 
 
 def _noise(values: np.ndarray, runs: list[np.ndarray]) -> tuple[float, float]:

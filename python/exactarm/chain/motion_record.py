@@ -19,7 +19,7 @@ import numpy as np
 from scipy import linalg, sparse
 
 from exactarm import _core
-from exactarm.chain.angle_noise import AngleNoise, angle_noise
+from exactarm.chain.angle_noise import AngleNoise, angle_noise, quiet_acceleration
 from exactarm.chain.direction import direction_of_motion
 from exactarm.chain.dry_friction import DryFriction
 from exactarm.chain.encoder_counts import between_counts, crept
@@ -238,10 +238,10 @@ def _bandwidth(robot: Robot, data: Dataset, noise: AngleNoise) -> float:
     return max(bandwidth, _SLOWEST_HZ)
 
 
-def full_record(robot: Robot, data: Dataset, bandwidth_hz: float = BANDWIDTH_HZ,
+def full_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None,
                 joints: np.ndarray | None = None) -> MotionRecord:
     """Every row of `data`, angles as they are and nothing measured: only their rates pass the low-pass of the
-    angles.
+    angles, which is lower (default: 2.5 times 20 Hz) where accelerations would be the noise of the angles.
 
     `joints` (N, n): joint angles whose motion tells the direction, where they are known (default: the
     motors').
@@ -251,10 +251,13 @@ def full_record(robot: Robot, data: Dataset, bandwidth_hz: float = BANDWIDTH_HZ,
     rate, acceleration, direction = np.zeros_like(theta), np.zeros_like(theta), np.zeros_like(theta)
     whole, runs = runs_in_time(data), []
     step = float(np.median(np.concatenate([np.diff(data.time[rows]) for rows in whole])))
+    time, even = _on_even_clocks(robot, data)
+    if bandwidth_hz is None:
+        wide = quiet_acceleration(even / robot.ratios, whole, step, _WIDE * BANDWIDTH_HZ)
+        bandwidth_hz = wide / _WIDE
     filtered = _WIDE * bandwidth_hz < _LARGEST / step
     for run in whole:
-        time, even = _on_an_even_clock(robot, data.time[run], theta[run])
-        for stretch in without_gaps(time, (even,), FILLED_PERIODS / bandwidth_hz):
+        for stretch in without_gaps(time[run], (even[run],), FILLED_PERIODS / bandwidth_hz):
             rows = run[stretch.row[stretch.given]]
             derivative, angle = derivative_operator(stretch.time), stretch.signals[0]
             own = derivative @ (low_pass(angle, _WIDE * bandwidth_hz, step) if filtered else angle)

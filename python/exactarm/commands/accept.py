@@ -65,7 +65,8 @@ def accept(draft: str | Path) -> CommandResult:
 
 def _effect(entry: object, number: int, file: str) -> Effect:
     where = f"effects[{number}]"
-    if not isinstance(entry, dict) or entry.get("effect") not in library():
+    if (not isinstance(entry, dict) or not isinstance(entry.get("effect"), str)
+            or entry["effect"] not in library()):
         raise InputError(f"{where}.effect is no known effect; expected {_EXPECTED}", file=file)
     try:
         effect = effect_from_table(entry)

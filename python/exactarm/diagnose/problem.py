@@ -89,9 +89,11 @@ class Problem(ABC):
         distances between neighbours, sessions far apart; None where neighbours are dealt with otherwise."""
         return None
 
-    def noise_of(self, left: np.ndarray, lost: float | np.ndarray = 0.0) -> NoiseModel:
-        """The noise of the rows (N, m), from what `lost` parameters, in all or of each component, leave."""
-        return estimate_noise(left, lost, self.groups(), self.order(), self.data.position, self.rounding())
+    def noise_of(self, left: np.ndarray, lost: float | np.ndarray, declared: np.ndarray) -> NoiseModel:
+        """The noise of the rows (N, m), from what `lost` parameters, in all or of each component, leave;
+        declared (N, m, P): columns of those of the fit."""
+        return estimate_noise(left, lost, self.groups(), self.order(), self.data.position, self.rounding(),
+                              declared)
 
     def rounding(self) -> np.ndarray | None:
         """(N, m, n): what the rounding of each axis does to the rows; None where nothing is rounded, or that

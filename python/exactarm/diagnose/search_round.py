@@ -95,8 +95,8 @@ def search_round(problem: Problem, at: At, noise: NoiseModel | None) -> Found | 
     None where every start asks for too many causes at once."""
     if noise is not None and len(noise.weight) == len(at.residual):
         return _settled(problem, at, noise)
-    asked = problem.noise_of(at.residual, at.jacobian.shape[2])
-    starts = [normal_noise(at.residual, at.jacobian.shape[2], at.groups, problem.rounding())]
+    asked = problem.noise_of(at.residual, at.jacobian.shape[2], at.jacobian)
+    starts = [normal_noise(at.residual, at.jacobian.shape[2], at.groups, problem.rounding(), at.jacobian)]
     starts += [replace(asked, wandering=None)] if asked.family != "gauss" else []
     starts += [asked] if asked.wandering is not None else []
     found = (_settled(problem, at, start) for start in starts)  # one after another: a picture is large
@@ -114,7 +114,7 @@ def _settled(problem: Problem, at: At, noise: NoiseModel) -> Found | None:
         residual = at.residual - _prediction(picture, members, at, noise)
         columns = sum(found.block(i).columns for i in members.blocks)
         lost = picture.absorbed.spent + columns * _COLUMN_COSTS / residual.shape[1]
-        before, noise = noise, problem.noise_of(residual, lost)
+        before, noise = noise, problem.noise_of(residual, lost, at.jacobian)
         if alike(before, noise):
             break
     return replace(found, noise=noise, left=residual)

@@ -87,7 +87,7 @@ def _in_time(problem: Problem, fitted: Fitted) -> UnknownAxes:
 def _at_rest(problem: Problem, fitted: Fitted) -> UnknownAxes:
     visits, lost, rounding = problem.groups(), fitted.spent, problem.rounding()
     vocabulary = vocabulary_of(fitted, [], problem.unknown_functions(fitted))
-    noise = estimate_noise(fitted.residual, lost, visits, rounding=rounding)
+    noise = estimate_noise(fitted.residual, lost, visits, rounding=rounding, declared=fitted.jacobian)
     if not vocabulary.blocks:
         return UnknownAxes(noise, {})
     for _ in range(_NOISE_PASSES):
@@ -96,7 +96,7 @@ def _at_rest(problem: Problem, fitted: Fitted) -> UnknownAxes:
         beside = posterior.members[posterior.best]
         members = Members(certain.blocks + beside.blocks, certain.scales + beside.scales)
         before, noise = noise, estimate_noise(fitted.residual - picture.response(members), lost, visits,
-                                               rounding=rounding)
+                                               rounding=rounding, declared=fitted.jacobian)
         if alike(before, noise):
             break
     signals, by_label = defaultdict(list), {}

@@ -41,13 +41,14 @@ _LEAST_WITHIN = 1e-6
 def estimate_noise(
     residual: np.ndarray, lost: float | np.ndarray = 0.0, visits: np.ndarray | None = None,
     order: np.ndarray | None = None, place: np.ndarray | None = None, rounding: np.ndarray | None = None,
+    declared: np.ndarray | None = None,
 ) -> NoiseModel:
     """The best family for residuals (N, m); lost: parameters that were fitted to them, in all or to each
     component (m,), the precise ones having the most; visits (N,): numbers of poses; order (N,): places of the
     rows in the order in which they were measured; place (N, d): where they were measured. Rows that lie
-    together there are not wrong by themselves. rounding: as `normal_noise` takes it."""
+    together there are not wrong by themselves. rounding, declared: as `normal_noise` takes them."""
     rows, m = residual.shape
-    normal = normal_noise(residual, lost, visits, rounding)
+    normal = normal_noise(residual, lost, visits, rounding, declared)
     visits, rounding = normal.visits, normal.rounding
     e = _without_rounding(_blown(residual, lost), rounding)
     lost = float(np.sum(lost))
@@ -111,20 +112,21 @@ def _white(noise: NoiseModel, e: np.ndarray) -> np.ndarray:
 
 
 def normal_noise(residual: np.ndarray, lost: float | np.ndarray = 0.0, visits: np.ndarray | None = None,
-                 rounding: np.ndarray | None = None) -> NoiseModel:
+                 rounding: np.ndarray | None = None, declared: np.ndarray | None = None) -> NoiseModel:
     """One normal law for residuals (N, m), every row of full weight.
 
     rounding (N, m, n): what the rounding of each axis does to the rows, if they are rounded: commanded angles
-    may lie on a grid, too. The likelier of the two is taken, what visits share beside it paying half
-    the logarithm of the number of rows."""
+    may lie on a grid, too. The likelier of the two is taken, what visits share beside it paying half the
+    logarithm of the number of rows; declared (N, m, P): columns of what was fitted, which takes more from
+    some rows than from others."""
     if rounding is None:
         return _with_visits(_student(residual, _kinds(residual), np.inf), residual, float(np.sum(lost)),
                             visits, None)
     e, visits = _blown(residual, lost), np.arange(len(residual)) if visits is None else visits
     found = [_with_visits(_student(_without_rounding(e, known), _kinds(e), np.inf), residual,
                           float(np.sum(lost)), visits, known) for known in (None, rounding)]
-    price = 0.5 * np.log(len(residual))
-    return max(found, key=lambda noise: noise.log_density(e) - (price if noise.shared > 0.0 else 0.0))
+    price = lambda noise: 0.5 * np.log(len(residual)) if noise.shared > 0.0 else 0.0
+    return max(found, key=lambda noise: noise.log_density(residual, declared) - price(noise))
 
 
 def _blown(residual: np.ndarray, lost: float | np.ndarray) -> np.ndarray:

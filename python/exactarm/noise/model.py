@@ -101,11 +101,16 @@ class NoiseModel:
         """(N, k) weighted, and cleared of what visits share; sigma apart."""
         return self._parted((np.sqrt(self.weight)[:, None] * columns)[:, None, :])[:, 0]
 
-    def log_density(self, residual: np.ndarray) -> float:
-        """Of other residuals (N, m) of the same rows, but for a constant; without tails and wandering."""
-        white = self.whiten(residual[:, :, None])
-        return float(-0.5 * np.sum(white**2) - len(residual) * np.sum(np.log(self.sigma))
-                     - 0.5 * np.sum(np.log1p(self._common[1])))
+    def log_density(self, residual: np.ndarray, declared: np.ndarray | None) -> float:
+        """Of other residuals (N, m) of the same rows, but for a constant; without tails and wandering. What
+        declared columns (N, m, P) have taken from them is integrated out (restricted likelihood)."""
+        white = self.whiten(residual[:, :, None])[:, 0]
+        value = -len(residual) * np.sum(np.log(self.sigma)) - 0.5 * np.sum(np.log1p(self._common[1]))
+        if declared is not None:
+            basis, scale = np.linalg.qr(self.whiten(declared))
+            white = white - basis @ (basis.T @ white)
+            value -= np.sum(np.log(np.abs(np.diag(scale))))
+        return float(value - 0.5 * white @ white)
 
     def wanders_like(self, other: NoiseModel) -> bool:
         """Whether two models weigh what neighbours share alike."""
