@@ -17,6 +17,7 @@ from exactarm.view import View
 _LEAST_VALUES = 8  # distinct ones: fewer may lie on a grid by choice (commanded steps), which is no rounding
 _EXACT = 1e-9  # rad: below it a remainder is nothing
 _LEAST_STEP = 1e-7  # rad: a finer step moves no arm by a micrometre
+_LEAST_MOVED_M = 1e-6  # RMS over the poses: below it no tracker sees the rounding
 _LARGEST_STEP_RAD = 2e-3  # a grid coarser than any encoder is a choice of poses
 
 
@@ -38,7 +39,7 @@ def step_of(values: np.ndarray) -> float:
 
 def rounding_of_angles(data: Dataset, robot: Robot, view: View, size: int) -> np.ndarray | None:
     """(N, m, n): what the rounding of each axis, by its standard deviation, does to the first `size`
-    components of poses at rest; None where no column is rounded."""
+    components of poses at rest; None where no column is rounded, or none so that a device would see it."""
     transfer, found = view.transfers[Station.GEAR], np.zeros((view.rows, size, view.axes))
     for name, ratios in (("q", np.ones(view.axes)), ("theta", np.abs(robot.ratios))):
         for axis, column in enumerate(data.joints[name].T if name in data.joints else ()):
@@ -46,4 +47,5 @@ def rounding_of_angles(data: Dataset, robot: Robot, view: View, size: int) -> np
             if 0.0 < step < _LARGEST_STEP_RAD:
                 moved = transfer((axis,), np.ones((view.rows, 1, 1)))[:, :size, 0]
                 found[:, :, axis] = step / np.sqrt(12.0) * moved
-    return found if np.any(found) else None
+    moved = np.sqrt(np.sum(found[:, :3] ** 2) / max(view.rows, 1))
+    return found if moved > _LEAST_MOVED_M else None
