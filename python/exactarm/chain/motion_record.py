@@ -43,6 +43,7 @@ _SLOWEST_HZ, _BELOW_RESONANCE = 5.0, 0.6
 _SAMPLED_ROWS = 16
 _LARGEST = 0.4  # of the sampling rate: no low-pass above it
 _FOLDED = 0.1  # of the rows: fewer are not what a wave over all of them rests on
+_LEAST_LEFT = 0.5  # of the rows; where fewer remained, those of creeping axes stay
 _EDGE_PERIODS = 3.0  # of the bandwidth, left out at both ends of a run
 
 
@@ -192,6 +193,9 @@ def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None
     kept = np.concatenate([part[0] for part in parts])
     stack = lambda k: np.concatenate([part[k] for part in parts])
     counts = np.cumsum([0] + [len(part[0]) for part in parts])
+    creeping = np.any(stack(10) & noise.creeps(bandwidth, float(np.median(steps))), axis=1)
+    if np.mean(~creeping[stack(5)]) < _LEAST_LEFT:
+        creeping[:] = False
     sides = [direction_of_motion(part[6], part[1] / np.abs(robot.ratios)) for part in parts]
     return MotionRecord(data=replace(data.select(kept), time=stack(6)), theta=stack(1), theta_dot=stack(2),
                         theta_ddot=stack(3), torque=stack(4), direction=np.concatenate(sides),
@@ -199,8 +203,7 @@ def motion_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None
                         bandwidth_hz=bandwidth if filtered else None,
                         step=float(np.median([np.median(np.diff(part[6])) for part in parts])),
                         logged_step=float(np.median(steps)), dry=DryFriction.of(robot.axes),
-                        at_reversal=np.zeros(len(kept), bool), noise=noise,
-                        creeping=np.any(stack(10) & noise.creeps(bandwidth, float(np.median(steps))), axis=1),
+                        at_reversal=np.zeros(len(kept), bool), creeping=creeping, noise=noise,
                         samples=_samples(robot, parts, float(np.median(steps)), bandwidth))
 
 

@@ -23,7 +23,7 @@ from exactarm.chain.direction import direction_of_motion
 from exactarm.chain.gear import differs_with_direction
 from exactarm.chain.layout import Layout
 from exactarm.chain.motion import predict_motion
-from exactarm.chain.motion_record import MotionRecord, measured_torque
+from exactarm.chain.motion_record import BANDWIDTH_HZ, MotionRecord, measured_torque
 from exactarm.chain.tracked_motion import predict_tracked_motion
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds.base import runs_in_time
@@ -70,8 +70,9 @@ def track_clear_of_reversals(robot: Robot, record: MotionRecord) -> MotionRecord
 
 
 def reversals_left_out(records: Iterable[MotionRecord]) -> tuple[str, ...]:
-    """In words, how many rows these records leave out, and how many stay for want of others; empty where
-    none."""
+    """In words, how many rows these records leave out, and how many stay for want of others, and what the
+    noise of the angles leaves; empty where none."""
+    records = tuple(records)
     out, rows, stay = (sum(int(np.sum(part)) for part in parts)
                        for parts in zip(*((r.at_reversal & r.inside, r.inside, r.behind_kept)
                                           for r in records)))
@@ -80,7 +81,23 @@ def reversals_left_out(records: Iterable[MotionRecord]) -> tuple[str, ...]:
     if stay:
         words += (f"{stay} of {rows} rows behind reversals stay, though a gear may pass there, too: fewer "
                   "than half of the rows would be left; longer strokes part the two",)
-    return words
+    return words + noise_of_angles(records)
+
+
+def noise_of_angles(records: Iterable[MotionRecord]) -> tuple[str, ...]:
+    """In words, below what frequency torques are compared because angles are rounded or noisy, and how many
+    rows count for nothing because a rounded axis creeps."""
+    known = [record for record in records if record.noise is not None and record.bandwidth_hz is not None
+             and record.noise.quiet_below < BANDWIDTH_HZ]
+    if not known:
+        return ()
+    step = max(float(np.max(record.noise.step)) for record in known)
+    angles = f"rounded to {np.degrees(step):.2g} degrees" if step else "noisy"
+    creep = sum(int(np.sum(record.creeping & record.inside)) for record in known)
+    rows = sum(int(np.sum(record.inside)) for record in known)
+    slow = (f", and {creep} of {rows} rows at which an axis creeps were left out: its angle does not say "
+            "when it turns" if creep else "")
+    return (f"the angles are {angles}: torques are compared below {known[0].bandwidth_hz:.2g} Hz{slow}",)
 
 
 def _reverses(robot: Robot, record: MotionRecord) -> bool:

@@ -91,7 +91,7 @@ class Problem(ABC):
 
     def noise_of(self, left: np.ndarray, lost: float | np.ndarray, declared: np.ndarray) -> NoiseModel:
         """The noise of the rows (N, m), from what `lost` parameters, in all or of each component, leave;
-        declared (N, m, P): columns of those of the fit."""
+        declared (N, m, b): a basis of the columns of those of the fit."""
         return estimate_noise(left, lost, self.groups(), self.order(), self.data.position, self.rounding(),
                               declared)
 

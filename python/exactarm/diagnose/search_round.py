@@ -8,6 +8,7 @@ rows share in time. The start whose likelihood, prior and price are better wins.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -45,6 +46,10 @@ class At:
     @staticmethod
     def of(problem: Problem, fitted: Fitted, vocabulary: Vocabulary, known: int = 0) -> At:
         return At(fitted, fitted.residual, fitted.jacobian, vocabulary, problem.groups(), known)
+
+    @cached_property
+    def declared(self) -> np.ndarray:
+        return basis_of(self.jacobian)
 
 
 @dataclass(frozen=True)
@@ -95,8 +100,8 @@ def search_round(problem: Problem, at: At, noise: NoiseModel | None) -> Found | 
     None where every start asks for too many causes at once."""
     if noise is not None and len(noise.weight) == len(at.residual):
         return _settled(problem, at, noise)
-    asked = problem.noise_of(at.residual, at.jacobian.shape[2], at.jacobian)
-    starts = [normal_noise(at.residual, at.jacobian.shape[2], at.groups, problem.rounding(), at.jacobian)]
+    asked = problem.noise_of(at.residual, at.jacobian.shape[2], at.declared)
+    starts = [normal_noise(at.residual, at.jacobian.shape[2], at.groups, problem.rounding(), at.declared)]
     starts += [replace(asked, wandering=None)] if asked.family != "gauss" else []
     starts += [asked] if asked.wandering is not None else []
     found = (_settled(problem, at, start) for start in starts)  # one after another: a picture is large
@@ -114,7 +119,7 @@ def _settled(problem: Problem, at: At, noise: NoiseModel) -> Found | None:
         residual = at.residual - _prediction(picture, members, at, noise)
         columns = sum(found.block(i).columns for i in members.blocks)
         lost = picture.absorbed.spent + columns * _COLUMN_COSTS / residual.shape[1]
-        before, noise = noise, problem.noise_of(residual, lost, at.jacobian)
+        before, noise = noise, problem.noise_of(residual, lost, at.declared)
         if alike(before, noise):
             break
     return replace(found, noise=noise, left=residual)
@@ -136,12 +141,17 @@ def _score(found: Found) -> float:
     """The same with the declared parameters integrated out (restricted likelihood), and the noise's own
     price: what two starts are compared by."""
     at, left, noise = found.at, found.left, found.noise
-    declared = orthonormal(at.jacobian.reshape(-1, at.jacobian.shape[2]), WEAKEST).reshape(*left.shape, -1)
-    white = noise.whiten(declared)
+    white = noise.whiten(at.declared)
     score = score_of(found) - 0.5 * float(np.linalg.slogdet(white.T @ white)[1])
     score -= 0.0 if noise.family == "gauss" else _LEAST_NATS
     # of its two parameters
     return score - (0.0 if noise.wandering is None else _LEAST_NATS + np.log(len(left)))
+
+
+def basis_of(jacobian: np.ndarray) -> np.ndarray:
+    """(N, m, b) of columns (N, m, P)."""
+    flat = jacobian.reshape(-1, jacobian.shape[2])
+    return orthonormal(flat, WEAKEST).reshape(*jacobian.shape[:2], -1)
 
 
 def alike(one: NoiseModel, other: NoiseModel) -> bool:

@@ -21,7 +21,7 @@ from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.joint_fit import count_of
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.search import log_prior_of_count, search
-from exactarm.diagnose.search_round import alike
+from exactarm.diagnose.search_round import alike, basis_of
 from exactarm.diagnose.signal import Signal, Structure
 from exactarm.diagnose.something_else import pieces_of, weigh_unknown
 from exactarm.diagnose.vocabulary import vocabulary_of
@@ -86,8 +86,9 @@ def _in_time(problem: Problem, fitted: Fitted) -> UnknownAxes:
 
 def _at_rest(problem: Problem, fitted: Fitted) -> UnknownAxes:
     visits, lost, rounding = problem.groups(), fitted.spent, problem.rounding()
+    declared = basis_of(fitted.jacobian)
     vocabulary = vocabulary_of(fitted, [], problem.unknown_functions(fitted))
-    noise = estimate_noise(fitted.residual, lost, visits, rounding=rounding, declared=fitted.jacobian)
+    noise = estimate_noise(fitted.residual, lost, visits, rounding=rounding, declared=declared)
     if not vocabulary.blocks:
         return UnknownAxes(noise, {})
     for _ in range(_NOISE_PASSES):
@@ -96,7 +97,7 @@ def _at_rest(problem: Problem, fitted: Fitted) -> UnknownAxes:
         beside = posterior.members[posterior.best]
         members = Members(certain.blocks + beside.blocks, certain.scales + beside.scales)
         before, noise = noise, estimate_noise(fitted.residual - picture.response(members), lost, visits,
-                                               rounding=rounding, declared=fitted.jacobian)
+                                               rounding=rounding, declared=declared)
         if alike(before, noise):
             break
     signals, by_label = defaultdict(list), {}

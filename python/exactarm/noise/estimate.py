@@ -117,7 +117,7 @@ def normal_noise(residual: np.ndarray, lost: float | np.ndarray = 0.0, visits: n
 
     rounding (N, m, n): what the rounding of each axis does to the rows, if they are rounded: commanded angles
     may lie on a grid, too. The likelier of the two is taken, what visits share beside it paying half the
-    logarithm of the number of rows; declared (N, m, P): columns of what was fitted, which takes more from
+    logarithm of the number of rows; declared (N, m, b): a basis of what was fitted, which takes more from
     some rows than from others."""
     if rounding is None:
         return _with_visits(_student(residual, _kinds(residual), np.inf), residual, float(np.sum(lost)),
