@@ -20,14 +20,25 @@ def test_an_exact_column_and_few_chosen_values_are_not_rounded():
     assert step_of(np.tile([0.0, 0.5, 1.0], 20)) == 0.0
 
 
+def rounded_poses(seed):
+    """65,536 counts at the output of a UR10, each pose visited twice: 96 urad that repeats do not show."""
+    return ea.simulate("ur10", count=60, visits=2, noise=5e-6, counts=65536, seed=seed).data
+
+
 @pytest.mark.slow
 def test_the_noise_floor_knows_of_rounding_that_repeats_hide():
-    """65,536 counts at the output of a UR10, each pose visited twice: 96 urad that repeats do not show."""
-    made = ea.simulate("ur10", count=60, visits=2, noise=5e-6, counts=65536, seed=3)
-    result = diagnose(ea.load_robot("ur10"), made.data)
-    assert not result.findings and result.noise.source.endswith("and the rounding of the reported angles")
+    result = diagnose(ea.load_robot("ur10"), rounded_poses(3))
+    assert result.noise.source.endswith("and the rounding of the reported angles")
     assert result.noise.value > 4.0 * np.sqrt(3.0) * 5e-6  # the tracker's noise alone, that repeats do show
     assert 0.8 < result.after["validation"].rms / result.noise.value < 1.25
+
+
+@pytest.mark.slow
+def test_rounded_poses_are_given_causes_as_rarely_as_stated():
+    """One clean set in twenty may be: of these ten seed 3 is (a zero that shifted behind the first pose,
+    probability 0.60)."""
+    named = [seed for seed in range(3, 13) if diagnose(ea.load_robot("ur10"), rounded_poses(seed)).findings]
+    assert len(named) <= 1, named
 
 
 @pytest.mark.slow
