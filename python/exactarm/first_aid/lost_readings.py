@@ -17,6 +17,7 @@ from exactarm.first_aid.suspicion import Suspicion
 MOST_ROWS = 5  # of one moment
 LEAST_MOMENTS = 3
 FAR = 0.2  # of the RMS of the column, at least: the readings on both sides
+OFTEN, STEPS = 0.05, 1.5  # of the rows are 0 by rounding, not by loss: a step on both sides is usual then
 USUAL = 2.0  # times what 99 % of neighbours differ by, at least: noise and coarse readings come to 0, too
 _READINGS = ("tau", "tau_motor", "current", "theta", "q")
 
@@ -44,6 +45,8 @@ def _moments(values: np.ndarray, data: Dataset) -> np.ndarray:
     change = np.abs(np.diff(values))[(values[1:] != 0.0) & (values[:-1] != 0.0)]
     usual = float(np.nanquantile(change, 0.99)) if change.size else np.inf
     far = max(FAR * float(np.sqrt(np.mean(others**2))), USUAL * usual)
+    if np.count_nonzero(values == 0.0) > OFTEN * values.size:
+        far = max(far, STEPS * float(np.min(np.diff(np.unique(np.abs(values[~np.isnan(values)]))))))
     found = [np.zeros(0, int)]
     for rows in runs_in_time(data):
         zero = np.concatenate([[False], values[rows] == 0.0, [False]]).astype(int)
