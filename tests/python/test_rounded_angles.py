@@ -105,6 +105,19 @@ def test_friction_is_seen_in_how_torques_change(racer):
     assert_allclose(noise.step, HUNDREDTH, rtol=1e-6)
 
 
+@pytest.mark.parametrize("name", ["ur10", "kr300"])
+def test_robots_without_ratios_or_lengths_and_torques_that_were_not_measured(name):
+    robot, time = load_robot(name), np.arange(0.0, 4.0, 0.004)
+    torque = np.random.default_rng(0).normal(0.0, 1.0, (len(time), robot.axes))
+    torque[:, 2], torque[5:9, 1] = np.nan, np.nan
+    angle = np.round(np.sin(time)[:, None] * np.ones(robot.axes) / THOUSANDTH) * THOUSANDTH
+    data = motion_data(robot, time, angle, torque)
+    record = motion_record(robot, data)
+    assert 5.0 <= record.bandwidth_hz <= BANDWIDTH_HZ and np.isnan(record.noise.own[2])
+    rates = data.joints | {"theta_dot": np.round(np.cos(time) * 100.0)[:, None] / 100.0 * robot.ratios}
+    assert motion_record(robot, replace(data, joints=rates)).noise.of_rates
+
+
 def test_rows_between_few_counts_creep():
     time = np.arange(0.0, 4.0, 1.0 / RATE_HZ)
     angle = np.where(time < 2.0, 5.0 * HUNDREDTH * np.sin(4.0 * time), 0.5 * time - 1.0)[:, None]

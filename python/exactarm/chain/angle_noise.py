@@ -68,7 +68,6 @@ class AngleNoise:
             x = np.sqrt(2.0 / np.maximum(b + np.sqrt(b**2 + 4.0 * a * allowed**2), 1e-300)) * allowed
         return float(np.min(x[self.own > 0.0], initial=np.inf)) / (2.0 * np.pi)
 
-
     def creeps(self, frequency: float, period: float) -> np.ndarray:
         """(n,) bool: axes at which one count within a period of the low-pass, for which the rate jumps by
         count times frequency, moves the friction by more than a third of the torque's noise; period: of the
@@ -147,7 +146,8 @@ def _mean_square_inertia(robot: Robot, data: Dataset) -> np.ndarray:
     those are larger: tables may hold none that mean anything before they are identified."""
     rows = np.linspace(0, len(data) - 1, min(_SAMPLED_ROWS, len(data))).astype(int)
     q = motor_angles(robot, data.select(rows)) / robot.ratios + robot.offsets
-    rotors = np.diag([(joint.rotor_inertia or 0.0) * joint.ratio**2 for joint in robot.joints])
+    rotors = np.diag([joint.rotor_inertia or 0.0 for joint in robot.joints] * robot.ratios**2)
     links = [links for links in (robot.links, generic_links(robot)) if links is not None]
-    return np.max([np.mean(np.square(_core.mass_matrix(replace(robot, links=each).core, q) + rotors), axis=0)
-                   for each in links], axis=0, initial=0.0)
+    matrices = [_core.mass_matrix(replace(robot, links=each).core, q) for each in links]
+    return np.max([np.mean(np.square(matrix + rotors), axis=0)
+                   for matrix in (np.zeros((1, *rotors.shape)), *matrices)], axis=0)
