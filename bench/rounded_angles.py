@@ -3,6 +3,7 @@
     python bench/rounded_angles.py --sets 50 --seed 100
 
 Each set: 60 poses of a UR10, visited twice, a tracker of 5 um, 65,536 counts a turn of the joints.
+Seeds 100 to 149 were first drawn for this count, when the program was not changed any more.
 """
 
 from __future__ import annotations

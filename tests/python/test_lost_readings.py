@@ -39,7 +39,7 @@ def test_a_brake_a_reversal_and_a_column_that_is_never_measured_are_no_lost_read
     robot, data = tx40
     braked = (np.arange(1000, 45000, 4000)[:, None] + np.arange(10 * MOST_ROWS)).ravel()
     coarse = np.round(data.joints["tau_motor"] / 0.05) * 0.05  # passes and meets 0 in its noise
-    random = np.random.default_rng(1)  # a wrist whose torque is hardly more than a step
+    random = np.random.default_rng(1)  # a wrist whose torque is about half a step
     torque = data.joints["tau_motor"].copy()
     torque[:, 5] = 0.05 + 0.015 * random.standard_normal(len(data))
     steps = np.round(torque / 0.1) * 0.1

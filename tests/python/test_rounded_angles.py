@@ -29,7 +29,8 @@ def rounded(data, step, ratios=1.0):
 
 
 def motion(robot, seed=5):
-    """12 s at 500 Hz: rigid inverse dynamics, dry friction of 5 Nm, white noise."""
+    """12 s at 500 Hz: rigid inverse dynamics, dry friction of 5 Nm, white noise; the seeds of the motions at
+    100 Hz (test_diagnose_motion.py)."""
     time, angle, rate, acceleration = fourier_motion(robot, 12.0, RATE_HZ, seed=seed)
     torque = _core.inverse_dynamics(robot.core, angle + robot.offsets, rate, acceleration)
     torque += COULOMB_NM * np.tanh(rate / 0.02)
@@ -43,9 +44,13 @@ def racer():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 2, 3])  # of 0 to 5 those at which three visits were given causes
+@pytest.mark.parametrize("seed", [0, 2, 3])
 def test_poses_seen_from_two_places(seed):
-    """Each pose is visited in either of two set-ups: what its rounding does points another way there."""
+    """Each pose is visited in either of two set-ups: what its rounding does points another way there.
+
+    Seeds 0 to 5 were tried with 60 poses visited thrice and with 50 visited four times; these three failed
+    before. Two are left out: 60 poses of seed 0 are given a tracker's drift with exact angles, too, and 50 of
+    seed 2, of which 35 identify 33 parameters, are unexplained by their held-out error."""
     made = ea.simulate("ur10", count=60 if seed else 50, visits=3 if seed else 4, noise=3e-5, counts=0,
                        seed=seed).data
     other = np.flatnonzero(np.arange(len(made)) % 2)
@@ -68,13 +73,14 @@ def test_motions(racer, step):
 
 @pytest.mark.slow
 def test_tracked_motions():
-    """Accelerations hold the rounding of the very angles whose error is judged."""
+    """Accelerations hold the rounding of the very angles whose error is judged. No other seed was tried."""
     result = diagnose(ur10(), rounded(tracked(None, 9), HUNDREDTH))
     assert result.verdict == NOTHING and not result.findings
 
 
 def test_accelerations_hold_as_much_noise_as_is_said(racer):
-    """Of rounded angles, at two bandwidths; where the angles are exact, the filter is the usual one."""
+    """Of rounded angles, at two bandwidths; where the angles are exact, the filter is the usual one.
+    What is smoothed between counts holds less."""
     data = motion(racer)
     exact, coarse = motion_record(racer, data), rounded(data, HUNDREDTH, racer.ratios)
     assert exact.bandwidth_hz == BANDWIDTH_HZ and not exact.creeping.any()

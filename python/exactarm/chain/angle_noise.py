@@ -141,11 +141,16 @@ def _friction(data: Dataset, angle: np.ndarray, torque: np.ndarray, runs: list[n
     return found
 
 
+def sampled_angles(robot: Robot, data: Dataset) -> np.ndarray:
+    """(16 at most, n) joint angles, evenly spread over the rows."""
+    rows = np.linspace(0, len(data) - 1, min(_SAMPLED_ROWS, len(data))).astype(int)
+    return motor_angles(robot, data.select(rows)) / robot.ratios + robot.offsets
+
+
 def _mean_square_inertia(robot: Robot, data: Dataset) -> np.ndarray:
     """(n, n) of the mass matrix with the declared rotors over the motion; of masses by the arm's size where
     those are larger: tables may hold none that mean anything before they are identified."""
-    rows = np.linspace(0, len(data) - 1, min(_SAMPLED_ROWS, len(data))).astype(int)
-    q = motor_angles(robot, data.select(rows)) / robot.ratios + robot.offsets
+    q = sampled_angles(robot, data)
     rotors = np.diag([joint.rotor_inertia or 0.0 for joint in robot.joints] * robot.ratios**2)
     links = [links for links in (robot.links, generic_links(robot)) if links is not None]
     matrices = [_core.mass_matrix(replace(robot, links=each).core, q) for each in links]

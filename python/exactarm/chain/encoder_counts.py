@@ -34,7 +34,9 @@ from exactarm.numerics.white_noise import white_noise
 
 _LOWEST_HZ = 2.0  # a tone below it changes the rate by a hundredth of what one count in a sample does
 _CERTAIN, _MORE = 6.0, 4.0  # standard deviations: of one sample of many, of a mean of many
-_FEW_COUNTS = 4.0  # in a period of the bandwidth: of more, smoothing leaves a tenth of the rate
+# in a period of the bandwidth: a rate from two roundings of s / sqrt(12) that far apart is off by
+# sqrt(1 / 6) / k of itself, a tenth for four counts
+_FEW_COUNTS = 4.0
 _REACH = 3.0  # standard deviations of a filter, beyond which its kernel holds 0.3 %
 
 
@@ -70,7 +72,7 @@ def crept(counted: np.ndarray, time: np.ndarray, bandwidth_hz: float) -> np.ndar
         if (step := step_of_quantisation(values)) > 0.0:
             passed = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(values)) / step)])
             place = np.arange(len(values))
-            count = (passed[np.minimum(place + half, len(values) - 1)] - passed[np.maximum(place - half, 0)])
+            count = passed[np.minimum(place + half, len(values) - 1)] - passed[np.maximum(place - half, 0)]
             out[:, column] = (count > 0.5) & (count < _FEW_COUNTS + 0.5)
     return out
 

@@ -19,7 +19,7 @@ import numpy as np
 from scipy import linalg, sparse
 
 from exactarm import _core
-from exactarm.chain.angle_noise import AngleNoise, angle_noise, quiet_acceleration
+from exactarm.chain.angle_noise import AngleNoise, angle_noise, quiet_acceleration, sampled_angles
 from exactarm.chain.direction import direction_of_motion
 from exactarm.chain.dry_friction import DryFriction
 from exactarm.chain.encoder_counts import between_counts, crept
@@ -40,7 +40,6 @@ _WIDE = 2.5  # bandwidth of the angles over that of the torque
 _ROWS_PER_PERIOD = 12.5
 _ROWS_WITH_HARMONICS = 25.0  # gear errors reach beyond the band: they must not fold back into it
 _SLOWEST_HZ, _BELOW_RESONANCE = 5.0, 0.6
-_SAMPLED_ROWS = 16
 _LARGEST = 0.4  # of the sampling rate: no low-pass above it
 _FOLDED = 0.1  # of the rows: fewer are not what a wave over all of them rests on
 _LEAST_LEFT = 0.5  # of the rows; where fewer remained, those of creeping axes stay
@@ -232,11 +231,9 @@ def _bandwidth(robot: Robot, data: Dataset, noise: AngleNoise) -> float:
     bandwidth = min(noise.quiet_below, BANDWIDTH_HZ)
     shaken = any(joint.has_harmonics for joint in robot.joints) or bandwidth < BANDWIDTH_HZ
     if shaken and all(joint.spring_linear for joint in robot.joints) and robot.links is not None:
-        rows = np.linspace(0, len(data) - 1, min(_SAMPLED_ROWS, len(data))).astype(int)
-        q = motor_angles(robot, data.select(rows)) / robot.ratios + robot.offsets
         stiffness = np.diag([joint.spring_linear for joint in robot.joints])
         softest = min(linalg.eigh(stiffness, mass, eigvals_only=True)[0]
-                      for mass in _core.mass_matrix(robot.core, q))
+                      for mass in _core.mass_matrix(robot.core, sampled_angles(robot, data)))
         bandwidth = min(bandwidth, _BELOW_RESONANCE * float(np.sqrt(softest)) / (2.0 * np.pi))
     return max(bandwidth, _SLOWEST_HZ)
 

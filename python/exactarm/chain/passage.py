@@ -81,10 +81,10 @@ def reversals_left_out(records: Iterable[MotionRecord]) -> tuple[str, ...]:
     if stay:
         words += (f"{stay} of {rows} rows behind reversals stay, though a gear may pass there, too: fewer "
                   "than half of the rows would be left; longer strokes part the two",)
-    return words + noise_of_angles(records)
+    return words + _noise_of_angles(records)
 
 
-def noise_of_angles(records: Iterable[MotionRecord]) -> tuple[str, ...]:
+def _noise_of_angles(records: Iterable[MotionRecord]) -> tuple[str, ...]:
     """In words, below what frequency torques are compared because angles are rounded or noisy, and how many
     rows count for nothing because a rounded axis creeps."""
     known = [record for record in records if record.noise is not None and record.bandwidth_hz is not None

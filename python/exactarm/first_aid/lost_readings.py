@@ -17,7 +17,8 @@ from exactarm.first_aid.suspicion import Suspicion
 MOST_ROWS = 5  # of one moment
 LEAST_MOMENTS = 3
 FAR = 0.2  # of the RMS of the column, at least: the readings on both sides
-OFTEN, STEPS = 0.05, 1.5  # of the rows are 0 by rounding, not by loss: a step on both sides is usual then
+# of the rows: so many zeros are a rounding, not a loss, where the readings on both sides are one step away
+OFTEN, STEPS = 0.05, 1.5
 USUAL = 2.0  # times what 99 % of neighbours differ by, at least: noise and coarse readings come to 0, too
 _READINGS = ("tau", "tau_motor", "current", "theta", "q")
 

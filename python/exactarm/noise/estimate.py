@@ -48,8 +48,9 @@ def estimate_noise(
     rows in the order in which they were measured; place (N, d): where they were measured. Rows that lie
     together there are not wrong by themselves. rounding, declared: as `normal_noise` takes them."""
     rows, m = residual.shape
-    normal = normal_noise(residual, lost, visits, rounding, declared)
-    visits, rounding = normal.visits, normal.rounding
+    if rounding is not None:
+        normal = normal_noise(residual, lost, visits, rounding, declared)
+        visits, rounding = normal.visits, normal.rounding
     e = _without_rounding(_blown(residual, lost), rounding)
     lost = float(np.sum(lost))
     found, further = [], []  # parameters beyond those of one normal law
