@@ -47,6 +47,7 @@ from exactarm.diagnose.verdict import (
     stood_and_refuted,
     verdict_by_rules,
     verdict_of_causes,
+    without_refuted,
 )
 from exactarm.diagnose.wave_in_time import wave_instead
 from exactarm.effects.base import Effect
@@ -165,19 +166,19 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
         selection, causes = _search(problem, declared, progress)
     declared = Layout(declared.effects, selection.fits[0].layout.free)
     selection = replace(selection, fits=tuple(problem.settled(f) for f in selection.fits))
-    first, last = selection.fits[0], selection.fits[-1]
     progress(LEFT)
+    errors, own, gains, sure = _held_out(problem, declared, selection, causes)
+    withdrawn = ()
+    if (calmed := without_refuted(causes, sure)) is not None:
+        withdrawn = tuple(dict.fromkeys(accepted.effect.title for accepted in selection.accepted))
+        selection, causes = Selection(selection.fits[:1], ()), calmed
+        errors, own, gains, sure = _held_out(problem, declared, selection, causes)
+    first, last = selection.fits[0], selection.fits[-1]
     noise = noise_floor(problem, last)
     left = dossier(problem, last)
     had = left if first is last else dossier(problem, first)
-    errors = [_errors(problem, fitted) for fitted in selection.fits]
     before = {name: summarise(values[np.isfinite(values)]) for name, values in errors[0].items()}
     after = {name: summarise(values[np.isfinite(values)]) for name, values in errors[-1].items()}
-    own = own_shares(problem, last, len(declared.effects))
-    gains = held_out_gains(errors, problem.numbers_of_error, problem.correlation_factor(last))
-    sure = [with_held_out(accepted.probability, causes.places[k].nothing, own[k].gain) if causes
-            else _by_held_out(accepted, gains[accepted.round], own[k] if own else None)
-            for k, accepted in enumerate(selection.accepted)]
     findings = tuple(_finding(accepted, last, declared, place, errors, problem,
                               own[place].share if own else None, sure[place])
                      for place, accepted in enumerate(selection.accepted))
@@ -215,7 +216,8 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
         kind=problem.kind, unit=problem.unit, noise=noise, before=before, after=after, findings=findings,
         alternatives=alternatives, verdict=verdict,
         sentence=no_verdict(unconverged) if unconverged else sentence_of(
-            verdict, findings, alternatives, before, after, left, excess, unknown, sum(gains), undecided),
+            verdict, findings, alternatives, before, after, left, excess, unknown, sum(gains), undecided,
+            withdrawn),
         causes=causes, unconverged=unconverged, drafts=drafts, unknown=unknown, excess=excess,
         held_out_gain=sum(gains), next_experiment=words, experiments=experiments, dossier_before=had,
         dossier_after=left, errors_before=errors[0], errors_after=errors[-1], selection=selection,
@@ -226,6 +228,17 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
         contributions=contributions(problem, last, declared),
         in_space=problem.in_space(first, last),
         left_over=left_over(problem, last, left) if verdict == UNEXPLAINED else None)
+
+
+def _held_out(problem: Problem, declared: Layout, selection: Selection, causes: Causes | None):
+    """Errors of every fit by set of rows, own shares, gains of the rounds, and probabilities by all rows."""
+    last, errors = selection.fits[-1], [_errors(problem, fitted) for fitted in selection.fits]
+    own = own_shares(problem, last, len(declared.effects))
+    gains = held_out_gains(errors, problem.numbers_of_error, problem.correlation_factor(last))
+    sure = [with_held_out(accepted.probability, causes.places[k].nothing, own[k].gain) if causes
+            else _by_held_out(accepted, gains[accepted.round], own[k] if own else None)
+            for k, accepted in enumerate(selection.accepted)]
+    return errors, own, gains, sure
 
 
 def _without_outdone(problem: Problem, declared: Layout, last: Fitted, findings) -> Fitted:

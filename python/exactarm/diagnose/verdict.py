@@ -5,10 +5,14 @@
     unexplained            something else is at work: its posterior probability is above one half, the error
                            on held-out rows is far above what the fit lets expect, repeated visits scatter
                            far less than the model errs, waves in time stand out of its noise (gear runs), or
-                           held-out rows speak against the effects found (held_out_evidence.py)
+                           held-out rows speak against the effects found (held_out_evidence.py), unless
+                           the fitted rows alone may well be without a cause: then nothing was found
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -46,6 +50,16 @@ def verdict_of_causes(causes: Causes, after, noise: NoiseFloor, excess: float) -
     if causes.places:
         return EXPLAINED
     return NOTHING if causes.probability_nothing >= _NOT_NOTHING else UNEXPLAINED
+
+
+def without_refuted(causes: Causes | None, sure: Sequence[float]) -> Causes | None:
+    """Causes without those named where held-out rows, which leave them the probabilities `sure`, refute all,
+    and the fitted rows alone may well be without a cause; else None: something else may have looked like
+    them."""
+    refuted = causes is not None and bool(causes.places) and max(sure) < NAMED_AT
+    if not refuted or causes.probability_nothing < _NOT_NOTHING:
+        return None
+    return replace(causes, fits=causes.fits[:1], places=())
 
 
 def rms_of(values: np.ndarray) -> float:
@@ -127,9 +141,10 @@ def remains(left: Dossier, excess: float, unknown: tuple[Structure, ...] = ()) -
 
 def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, excess: float,
                 unknown: tuple[Structure, ...] = (), gain: float = 0.0,
-                undecided: tuple[str, ...] = ()) -> str:
+                undecided: tuple[str, ...] = (), withdrawn: tuple[str, ...] = ()) -> str:
     """The verdict in one sentence that a technician understands; gain: of the held-out rows, in nats;
-    undecided: titles of causes of which one is missing."""
+    undecided: titles of causes of which one is missing; withdrawn: of those that held-out rows refute where
+    nothing need be missing."""
     judged = "validation" if after["validation"].n else "identification"
     if findings:
         stood, refuted = stood_and_refuted(findings)
@@ -164,7 +179,9 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
         like = ", as noise does that neighbouring rows share" if left.strongest.signal.of_time else ""
         return (f"The data support no effect of the library: the residual follows the {left.strongest.signal}"
                 f" beyond chance, with {100 * left.strongest.share:.0f} % of its square sum{like}.")
-    return "Nothing is missing: the residual of the declared model cannot be told from noise."
+    text = "Nothing is missing: the residual of the declared model cannot be told from noise."
+    return text + (f" (The fitted rows alone asked for {_listed(withdrawn)}; rows that were not fitted speak "
+                   f"against {'it' if len(withdrawn) == 1 else 'them'}.)" if withdrawn else "")
 
 
 def stood_and_refuted(findings) -> tuple[list, list]:

@@ -13,6 +13,7 @@ from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
 from exactarm.errors import InputError
 from exactarm.first_aid.camera_mistakes import camera_mistakes
+from exactarm.first_aid.coarse_torques import coarse_torques
 from exactarm.first_aid.gear_mistakes import gear_mistakes
 from exactarm.first_aid.load_mistakes import load_mistakes
 from exactarm.first_aid.lone_readings import lone_readings
@@ -55,7 +56,7 @@ def first_aid(robot: Robot, data: Dataset, placed: bool = False) -> tuple[str, .
     # What a column shows by itself is certain; what explains the data tells more than a limit that is passed.
     found = list(column_mistakes(robot, data)) or found or list(limit_mistakes(robot, data))
     cells = list(cell_mistakes(data)) or list(lost_readings(data)) or alone
-    found = [*cells, *repeated_rows(data), *found]
+    found = [*cells, *coarse_torques(data), *repeated_rows(data), *found]
     return tuple(dict.fromkeys(suspicion.text for suspicion in found))
 
 

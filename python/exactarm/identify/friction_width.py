@@ -91,7 +91,8 @@ class _Axis:
         self.begun = at_start.any(axis=0)  # runs that show it
         self.at_start = at_start[:, self.begun]
         curves = record.smooth(_smooth_curves(view, rate, axis))[keep]
-        self.others = np.column_stack([prediction.jacobian[keep, axis][:, ~self.rubbing.free], curves])
+        columns = _on_axis(prediction.jacobian, axis)[keep]
+        self.others = np.column_stack([columns[:, ~self.rubbing.free], curves])
         self.basis = _basis(np.column_stack([self.others, self.at_start]))
         # without all that rubs
         self.target = (prediction.residual()[:, axis] + self.rubbing.at(view)[0])[keep]
@@ -199,9 +200,16 @@ def _at_start(record: MotionRecord, axis: int) -> np.ndarray:
 
 def _smooth_curves(view, rate: np.ndarray, axis: int) -> np.ndarray:
     """(N, c) what a torque may follow without jumping at a reversal."""
-    v, q, load = np.abs(rate), view.q[:, axis], view.torque[:, axis]
+    v, q, load = np.abs(rate), view.q[:, axis], _on_axis(view.torque[:, :, None], axis)[:, 0]
     return np.column_stack([np.ones_like(v), v, v * rate, view.signals["q_ddot"][:, axis], np.cos(q),
                             np.sin(q), load])
+
+
+def _on_axis(columns: np.ndarray, axis: int) -> np.ndarray:
+    """(N, k) of columns (N, n, k) on one axis; zero where what they have there is rounding."""
+    own = columns[:, axis]
+    seen = np.linalg.norm(own, axis=0) > _DEPENDENT * np.sqrt(np.einsum("nak,nak->k", columns, columns))
+    return np.where(seen, own, 0.0)
 
 
 def _basis(columns: np.ndarray) -> np.ndarray:
