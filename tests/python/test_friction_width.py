@@ -11,7 +11,7 @@ from exactarm.chain.dry_friction import DryFriction
 from exactarm.effects.drive import smooth_sign, smooth_square
 from exactarm.effects.thermal_drift import ThermalFriction
 from exactarm.identify.dynamics import friction_layout
-from exactarm.identify.friction_width import _Axis, _basis, dry_friction
+from exactarm.identify.friction_width import _Axis, dry_friction
 from exactarm.view import SIGN_WIDTH_RAD_S
 from motions import fourier_motion, motion_data
 from six_axis import six_axis
@@ -130,9 +130,3 @@ def test_a_law_that_is_gone_round_is_taken_half_the_way():
     assert (turned.width[0], turned.reach[0]) == (SIGN_WIDTH_RAD_S, 1e-3)
     reaches = law(SIGN_WIDTH_RAD_S, 1e-4).towards(law(SIGN_WIDTH_RAD_S, 4e-4), law(SIGN_WIDTH_RAD_S, 1e-3))
     np.testing.assert_allclose(reaches.reach, [2e-4, 0.0])
-
-
-def test_a_column_too_small_to_have_a_length_is_none():
-    """Its square is zero: a fit ended in a fault."""
-    columns = np.random.default_rng(2).normal(size=(50, 3)) * [1.0, 1e-170, 0.0]
-    assert _basis(columns).shape == (50, 1)

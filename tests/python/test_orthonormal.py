@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from exactarm.diagnose.orthonormal import added_to, extended, narrowed, orthonormal
+from exactarm.numerics.orthonormal import added_to, extended, narrowed, orthonormal, shown
 
 
 @pytest.fixture
@@ -57,3 +57,18 @@ def test_a_column_of_rounding_is_no_direction(rng):
     columns = rng.normal(size=(80, 3)) * [1.0, 1e3, 1e-14]
     assert orthonormal(columns).shape == (80, 2)
     assert added_to(np.zeros((80, 0)), columns).shape == (80, 2)
+
+
+def test_a_column_too_small_to_have_a_length_is_none():
+    """Its square is zero: a fit ended in a fault."""
+    columns = np.random.default_rng(2).normal(size=(50, 3)) * [1.0, 1e-170, 0.0]
+    assert shown(columns, 1e-9).shape == (50, 1)
+
+
+def test_weak_directions_count_as_far_as_is_asked(rng):
+    columns = rng.normal(size=(50, 3)) * [1.0, 1e6, 1e-6]
+    columns = np.column_stack([columns, columns[:, 0] + 1e-8 * rng.normal(size=50)])
+    assert shown(columns, 1e-6).shape == (50, 3)
+    basis = shown(columns, 1e-10)
+    np.testing.assert_allclose(basis.T @ basis, np.eye(4), atol=1e-12)
+    np.testing.assert_allclose(basis @ (basis.T @ columns), columns, rtol=1e-9, atol=1e-12)

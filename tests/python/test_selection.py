@@ -16,12 +16,12 @@ from exactarm.diagnose import selection
 from exactarm.diagnose.admissible import is_possible
 from exactarm.diagnose.closure_problem import ClosureProblem
 from exactarm.diagnose.diagnosis import _unconverged, diagnose
-from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.scan import free_mask
 from exactarm.diagnose.verdict import UNEXPLAINED
 from exactarm.effects import effect_from_table
+from exactarm.numerics.orthonormal import orthonormal
 from exactarm.robot_file import load_robot
 from motions import fourier_motion, motion_data
 from rigid_arm import LINKS_ALONE, rigid

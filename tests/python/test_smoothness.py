@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.smoothness import closeness, follows_space, second_order
+from exactarm.numerics.orthonormal import orthonormal
 
 ROWS = 90
 

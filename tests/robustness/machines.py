@@ -4,14 +4,15 @@
     python tests/robustness/machines.py run FOLDER [COMMAND...]   on each machine
     python tests/robustness/machines.py compare FOLDER FOLDER     anywhere; exit 1 where they differ
 
-What may differ: times, the run's name, and the place of files. A number is compared with the largest of the
-numbers beside it: of its list, or of a value and its interval.
+What may differ: times (also in a sentence), the run's name, and the place of files. A number is compared with
+the largest of the numbers beside it: of its list, or of a value and its interval.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import re
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,6 +22,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from robustness.short_runs import RUNS, environment, prepare, words_of
 
 EQUAL = 1e-9
+SECONDS = re.compile(r"\b[\d.]+ s\b")
 OWN = {"seconds", "asked", "run", "inputs", "files", "peak_MB"}
 
 
@@ -61,7 +63,7 @@ def differences(ours: object, others: object, place: str = "",
     elif isinstance(ours, float) and isinstance(others, (int, float)):
         if ours != others:
             yield abs(ours - others) / max(scale, abs(ours)), f"{place}: {ours!r} and {others!r}"
-    elif ours != others:
+    elif ours != others and SECONDS.sub("", str(ours)) != SECONDS.sub("", str(others)):
         yield float("inf"), f"{place}: {ours!r} and {others!r}"
 
 

@@ -20,7 +20,6 @@ from exactarm.chain import Layout
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import CLOSURES, POSES
 from exactarm.diagnose.fitted import Fitted
-from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.problem_at_rest import ProblemAtRest
 from exactarm.diagnose.signal import Direction, axis_of, turn_of
@@ -54,6 +53,7 @@ from exactarm.measurement.closures import (
 from exactarm.measurement.contact import Contact
 from exactarm.measurement.contacts import SENSORS
 from exactarm.measurement.pictures import SHARED, rows_of_pictures
+from exactarm.numerics.orthonormal import orthonormal
 from exactarm.robot.robot import Robot
 
 _OF_A_MOTION = 2 * len(SHARED)  # numbers of a picture

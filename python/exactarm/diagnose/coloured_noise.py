@@ -21,11 +21,11 @@ from scipy import linalg
 from exactarm.diagnose.admissible import LEAST_EVIDENCE
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.joint_fit import candidates_for
-from exactarm.diagnose.orthonormal import added_to
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import Candidate, linear_columns, log_evidence, scan
 from exactarm.noise.autocorrelation import autocorrelation, lags_within
 from exactarm.noise.drifting import DriftingNoise
+from exactarm.numerics.orthonormal import added_to
 
 NOISE_LAG_S = 1.0
 _SHORT_S, _SHORT_LAGS = 0.15, 3

@@ -15,10 +15,10 @@ import numpy as np
 from scipy import special
 
 from exactarm.diagnose.fitted import Fitted, Products
-from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.signal import Direction, Signal
 from exactarm.diagnose.smoothness import closeness, follows_space
+from exactarm.numerics.orthonormal import orthonormal
 
 BINS = 8
 _NUMBERS_IN_SPACE = 750  # more would take long, and not make a structure plainer

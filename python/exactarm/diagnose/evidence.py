@@ -23,8 +23,8 @@ import numpy as np
 from scipy import linalg, special
 
 from exactarm.diagnose.cross_validation import CrossValidation
-from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES, Vocabulary
+from exactarm.numerics.orthonormal import orthonormal
 
 # share of a column's square sum left after projection, below which the declared model explains it
 _ABSORBED = 1e-6

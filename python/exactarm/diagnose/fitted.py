@@ -20,9 +20,9 @@ import numpy as np
 from scipy import linalg
 
 from exactarm.chain import Layout, View
-from exactarm.diagnose.orthonormal import extended, narrowed, orthonormal
 from exactarm.effects.base import Effect
 from exactarm.identify.layout_fit import Drawing, pulls_of
+from exactarm.numerics.orthonormal import extended, narrowed, orthonormal
 from exactarm.numerics.regression import Fit
 from exactarm.robot.robot import Robot
 

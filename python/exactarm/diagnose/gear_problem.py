@@ -25,7 +25,6 @@ from exactarm.diagnose.changing_waves import changing_waves
 from exactarm.diagnose.coloured_noise import NOISE_LAG_S
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.next_runs import separating_run
-from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.problem_in_time import ProblemInTime
 from exactarm.diagnose.resampled_run import resampled_run, with_reading
@@ -53,6 +52,7 @@ from exactarm.identify.sensor_tone import find_tones, hum_at, without_tones
 from exactarm.noise.autocorrelation import lags_within, memory_in
 from exactarm.noise.broadband import broadband_noise, line_above, oscillation
 from exactarm.noise.drifting import DriftingNoise
+from exactarm.numerics.orthonormal import orthonormal
 from exactarm.numerics.regression import Fit
 from exactarm.numerics.signals import typical_step
 from exactarm.robot.robot import Robot

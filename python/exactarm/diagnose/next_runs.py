@@ -16,9 +16,9 @@ from exactarm.chain import GearRecord, predict_gear_run
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import GEAR_RUN
 from exactarm.diagnose.fitted import Fitted
-from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.scan import free_mask
 from exactarm.effects.base import Effect
+from exactarm.numerics.orthonormal import orthonormal
 from exactarm.robot.robot import Robot
 from exactarm.view import View
 

@@ -14,13 +14,13 @@ import numpy as np
 
 from exactarm.diagnose.evidence import WEAKEST, Members, Picture
 from exactarm.diagnose.fitted import Fitted
-from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.search import Posterior, prior_of, search
 from exactarm.diagnose.signal import Structure
 from exactarm.diagnose.vocabulary import SCALES, Block, Vocabulary
 from exactarm.noise.estimate import log_likelihood_under, normal_noise
 from exactarm.noise.model import NoiseModel
+from exactarm.numerics.orthonormal import orthonormal
 
 # causes and unknown functions together: of more, on measured arms, the sum fits its own rows only (UR10:
 # eleven)

@@ -11,10 +11,10 @@ import numpy as np
 
 from exactarm.diagnose.cross_validation import CrossValidation, folds_of
 from exactarm.diagnose.fitted import Fitted
-from exactarm.diagnose.orthonormal import orthonormal
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import linear_columns, prior_of
 from exactarm.effects.base import Effect
+from exactarm.numerics.orthonormal import orthonormal
 
 _FOLD_CERTAINTY = 2.5  # the mean fall of the folds beside its standard error
 # of -2 log density: a right model is outdone by a wrong one by c in fewer than exp(-c / 2) of cases (Ville)

@@ -17,6 +17,7 @@ from exactarm.chain import Layout, MotionRecord, predict_motion
 from exactarm.chain.dry_friction import DryFriction, unsettled_rows
 from exactarm.effects.base import Station
 from exactarm.effects.drive import over_samples
+from exactarm.numerics.orthonormal import shown
 from exactarm.robot.robot import Robot
 from exactarm.view import SIGN_WIDTH_RAD_S
 
@@ -93,7 +94,7 @@ class _Axis:
         curves = record.smooth(_smooth_curves(view, rate, axis))[keep]
         columns = _on_axis(prediction.jacobian, axis)[keep]
         self.others = np.column_stack([columns[:, ~self.rubbing.free], curves])
-        self.basis = _basis(np.column_stack([self.others, self.at_start]))
+        self.basis = shown(np.column_stack([self.others, self.at_start]), _DEPENDENT)
         # without all that rubs
         self.target = (prediction.residual()[:, axis] + self.rubbing.at(view)[0])[keep]
 
@@ -115,7 +116,7 @@ class _Axis:
         target, left = clear(self.target - torque), clear(columns)
         # What is left of a column that the others explain is rounding: it explains nothing more.
         left = left[:, np.sum(left**2, axis=0) > _DEPENDENT**2 * np.sum(columns**2, axis=0)]
-        added = _basis(left)
+        added = shown(left, _DEPENDENT)
         return float(target @ target - np.sum((added.T @ target) ** 2))
 
     def start(self, law: Law) -> np.ndarray:
@@ -210,10 +211,3 @@ def _on_axis(columns: np.ndarray, axis: int) -> np.ndarray:
     own = columns[:, axis]
     seen = np.linalg.norm(own, axis=0) > _DEPENDENT * np.sqrt(np.einsum("nak,nak->k", columns, columns))
     return np.where(seen, own, 0.0)
-
-
-def _basis(columns: np.ndarray) -> np.ndarray:
-    """Orthonormal."""
-    norm = np.linalg.norm(columns, axis=0)
-    basis, weights = np.linalg.svd(columns[:, norm > 0.0] / norm[norm > 0.0], full_matrices=False)[:2]
-    return basis[:, weights > _DEPENDENT * weights.max(initial=0.0)]

@@ -35,6 +35,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
+from exactarm.numerics.orthonormal import shown
+
 # Prior sizes g of a change, all numbers of a day together, in standard deviations of one number
 SCALES = (1.0, 4.0, 16.0)
 # Days back that a change may have begun: leaving out terms keeps the bound, and the work of a day constant
@@ -134,7 +136,7 @@ class Detector:
 
     def __init__(self, before: Evidence, hypotheses: Sequence[Hypothesis]):
         self.before, self.hypotheses = before, tuple(hypotheses)
-        self._bases = [_basis(hypothesis.columns) for hypothesis in self.hypotheses]
+        self._bases = [shown(hypothesis.columns, RANK) for hypothesis in self.hypotheses]
         self._days: list[Evidence] = []
         self.gone = 0  # days that have left the window
 
@@ -229,7 +231,7 @@ def detectable(
     occasions: of each pose before; count: of hypotheses. Large degrees of freedom.
     """
     share = occasions * days / (occasions + days)
-    rank = _basis(hypothesis.columns).shape[1]
+    rank = shown(hypothesis.columns, RANK).shape[1]
     goal = np.log(boundary * count * len(SCALES))
     sizes = []
     for scale in SCALES:
@@ -238,10 +240,3 @@ def detectable(
             np.sqrt(2.0 * (goal + 0.5 * rank * np.log1p(spread)) * (1.0 + spread) / (share * spread))
         )
     return float(min(sizes) / max(np.linalg.norm(hypothesis.columns[:, column]), 1e-300))
-
-
-def _basis(columns: np.ndarray) -> np.ndarray:
-    """(m, r) orthonormal, of what the poses show of the columns."""
-    scale = np.linalg.norm(columns, axis=0)
-    u, values, _ = np.linalg.svd(columns / np.where(scale > 0.0, scale, 1.0), full_matrices=False)
-    return u[:, values > RANK * max(values.max(initial=0.0), 1e-300)]

@@ -25,6 +25,14 @@ def orthonormal(columns: np.ndarray, weakest: float = 1e-6) -> np.ndarray:
     return basis if apart else _whitened(basis, weakest)[0]
 
 
+def shown(columns: np.ndarray, weakest: float) -> np.ndarray:
+    """(R, b) the same of directions that may be as weak as rounding allows (1e-14 of the strongest), by
+    singular values: slower."""
+    norm = np.linalg.norm(columns, axis=0)
+    basis, values, _ = np.linalg.svd(columns[:, norm > 0.0] / norm[norm > 0.0], full_matrices=False)
+    return basis[:, values > weakest * values.max(initial=0.0)]
+
+
 def extended(basis: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """(R, b + c) an orthonormal basis with what columns (R, k) add to it."""
     return np.concatenate([basis, added_to(basis, columns)], axis=1)
