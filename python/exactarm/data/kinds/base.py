@@ -24,6 +24,7 @@ from exactarm.data.rows import Rows
 from exactarm.errors import InputError
 from exactarm.robot.robot import Robot
 
+_SAME_TIME = 0.1  # of the rows: more share their time with the row before because it was rounded
 _LEAST_STRETCH = 20  # rows of a series in one set, on average
 STANDS_STILL = 0.02  # an axis moves when its range is more than this share of the largest
 _LEAST_RANGE = 1e-3  # rad, m: where an arm has both kinds of axes, the largest of one kind may stand still
@@ -117,16 +118,30 @@ def file_of(data: Rows, index: int = 0) -> str | None:
 
 
 def is_a_series(data: Rows) -> bool:
-    """Whether the rows follow a motion; what only static poses have says that they do not."""
+    """Whether the rows follow a motion; what only static poses have says that they do not. Rows that move on
+    under one time are a motion whose time has too few digits."""
     if data.time is None or data.visit is not None or "approach" in data.joints:
         return False
     steps = np.concatenate([np.diff(data.time[rows]) for rows in rows_of_runs(data)])
+    if np.count_nonzero(steps > 0.0) >= LEAST_SAMPLES and _moves_on(data, steps == 0.0):
+        steps = steps[steps > 0.0]
     if steps.size == 0:
         return False
     median = np.median(steps)
     if not 0.0 < median <= LONGEST_STEP_S:
         return False
     return bool(np.mean(np.abs(steps - median) <= NEARLY_EQUAL * median) >= NEARLY_ALL)
+
+
+def _moves_on(data: Rows, same: np.ndarray) -> bool:
+    """Whether many rows share their time with the row before, (K,) bool over all runs, and the arm goes as
+    far there as elsewhere; readings of one stop may share theirs, too."""
+    angles = data.joints.get("q", data.joints.get("theta"))
+    if angles is None or np.mean(same) <= _SAME_TIME:
+        return False
+    way = np.concatenate([np.abs(np.diff(angles[rows], axis=0)) for rows in rows_of_runs(data)])
+    there, whole = np.nansum(way[same]), np.nansum(way)
+    return bool(there > 0.5 * np.mean(same) * whole)
 
 
 def check_time(data: Rows) -> None:
@@ -143,7 +158,11 @@ def check_time(data: Rows) -> None:
         if fallen.size:
             at = rows[fallen[0] + 1]
             message = f"time {data.time[at]:.9g} s does not rise; expected more than {time[fallen[0]]:.9g} s"
-            if data.time[at] <= time[1]:
+            if np.mean(np.diff(time) == 0.0) > _SAME_TIME:
+                alike = np.sum(time == data.time[at])
+                message = (f"time {data.time[at]:.9g} s stands in {alike} rows, as others do; expected the "
+                           "time of each sample, with all its digits")
+            elif data.time[at] <= time[1]:
                 message += " (where a second run begins, number the runs in a column run)"
             file = file_of(data, data.file_index[at])
             raise InputError(message, file=file, row=int(data.row[at]), column="time_s")
