@@ -246,6 +246,13 @@ def test_the_linter_finds_nothing():
     assert run.returncode == 0, run.stdout + run.stderr
 
 
+def test_factors_that_may_not_converge_are_asked_for_in_one_place():
+    asked = re.compile(r"linalg\.(svd|lstsq|pinv)\((?!.*hermitian=True)")
+    found = [str(path) for path in python_files() if path.name != "factors.py"
+             for line in path.read_text().splitlines() if asked.search(line)]
+    assert not found  # numerics/factors.py
+
+
 def test_types_are_checked_in_every_module_that_a_user_calls():
     checked = tomllib.loads((TOP / "pyproject.toml").read_text())["tool"]["mypy"]["modules"]
     assert set(checked) == {"exactarm", *ea.NAMES.values(),

@@ -21,6 +21,7 @@ from exactarm import _core
 from exactarm.chain.log_samples import low_pass
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds.base import runs_in_time
+from exactarm.numerics.factors import lstsq
 from exactarm.numerics.signals import step_of_quantisation, typical_step
 from exactarm.numerics.white_noise import white_noise, white_noise_of_smooth
 from exactarm.robot.generic_masses import generic_links
@@ -135,7 +136,7 @@ def _friction(data: Dataset, angle: np.ndarray, torque: np.ndarray, runs: list[n
     for axis in np.flatnonzero(~np.isnan(changes).any(axis=0) & (np.ptp(signs, axis=0) > 0.0)):
         columns = np.column_stack([signs[:, axis], beside])
         columns /= np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-        size = np.linalg.lstsq(columns, changes[:, axis], rcond=1e-9)[0][0]
+        size = lstsq(columns, changes[:, axis], rcond=1e-9)[0][0]
         friction = max(float(size / np.linalg.norm(signs[:, axis])), 0.0)
         found[:, axis] = friction / SIGN_WIDTH_RAD_S, np.sqrt(np.mean(slopes[:, axis]))
     return found

@@ -16,6 +16,7 @@ import numpy as np
 from scipy import special
 
 from exactarm.chain.direction import reversals
+from exactarm.numerics.factors import lstsq
 
 MOST_S = 0.4  # wind-up of 1e-3 rad is passed in so long at an acceleration of 0.01 rad/s^2
 FALSE = 1e-3
@@ -47,7 +48,7 @@ def in_passage(error: np.ndarray, beside: np.ndarray, columns: np.ndarray, rate:
     for rows in runs:
         # From rows that no passage has touched, where the run has such.
         at = rows[far[rows]] if far[rows].sum() >= _LEAST_ROWS else rows[usable[rows]]
-        residual[rows] = error[rows] - beside[rows] @ np.linalg.lstsq(beside[at], error[at])[0]
+        residual[rows] = error[rows] - beside[rows] @ lstsq(beside[at], error[at])[0]
     residual /= np.sqrt(np.mean(residual[far] ** 2))
     plain = [_told(residual[band], columns[band])
              for band in _bands(np.minimum(behind, before), far)]
@@ -78,4 +79,4 @@ def _bands(lag: np.ndarray, rows: np.ndarray) -> list[np.ndarray]:
 
 def _told(residual: np.ndarray, columns: np.ndarray) -> float:
     """Chi square, in noise levels, that a passage explains."""
-    return float(np.sum((columns @ np.linalg.lstsq(columns, residual)[0]) ** 2))
+    return float(np.sum((columns @ lstsq(columns, residual)[0]) ** 2))

@@ -16,6 +16,7 @@ import numpy as np
 from scipy import ndimage
 
 from exactarm import _core
+from exactarm.numerics.factors import pinv
 from exactarm.numerics.signals import derivative, gaussian_filter, typical_step
 from exactarm.robot.robot import Robot
 
@@ -77,7 +78,7 @@ def follows_quietly(gyro, predicted, bending, time, runs, swinging, usable) -> b
         norm = np.linalg.norm(design, axis=0)
         if norm.min() == 0.0:
             return False
-        inverse = np.linalg.pinv(design / norm)
+        inverse = pinv(design / norm)
         values = inverse @ beside / norm
         # (1 + c1) rate(t - delay) = (1 + c1) rate + c2 acceleration, to first order
         later = delay - values[2] / (1.0 + values[1])

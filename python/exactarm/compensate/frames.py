@@ -27,6 +27,7 @@ from exactarm.data.dataset import read_dataset
 from exactarm.data.kinds import POSES
 from exactarm.errors import InputError
 from exactarm.files.memory_table import AnyFile, MemoryTable
+from exactarm.numerics.factors import lstsq, svd
 from exactarm.numerics.rotation import exp, log, skew
 from exactarm.robot.robot import Placement, Robot
 
@@ -93,7 +94,7 @@ def _closest(robot: Robot, threads: int) -> tuple[Placement, Placement]:
         jacobian[:, :3, 6:9] = jacobian[:, 3:, 9:] = placed.rotation
         error[:, 3:] *= LEVER_M
         jacobian[:, 3:] *= LEVER_M
-        step = np.linalg.lstsq(jacobian.reshape(-1, 12), error.ravel(), rcond=1e-10)[0]
+        step = lstsq(jacobian.reshape(-1, 12), error.ravel(), rcond=1e-10)[0]
         base = Placement(exp(step[3:6]) @ base.rotation, exp(step[3:6]) @ base.position + step[:3])
         flange = Placement(flange.rotation @ exp(step[9:]), flange.position + flange.rotation @ step[6:9])
     return base, flange
@@ -103,7 +104,7 @@ def _by_points(robot: Robot, path: Path | MemoryTable, tip: Placement, threads: 
     data = read_dataset(path, robot, POSES.name)
     if (
         len(data) < LEAST_POINTS
-        or np.linalg.svd(data.position - data.position.mean(0), compute_uv=False)[1] < 1e-2
+        or svd(data.position - data.position.mean(0), compute_uv=False)[1] < 1e-2
     ):
         raise InputError(
             f"expected at least {LEAST_POINTS} reference points that lie not on one line", file=path
@@ -125,7 +126,7 @@ def _by_points(robot: Robot, path: Path | MemoryTable, tip: Placement, threads: 
         jacobian = np.zeros((len(data), 3, 9))
         jacobian[:, :, :3], jacobian[:, :, 3:6], jacobian[:, :, 6:] = np.eye(3), -skew(from_base), turned
         rows = np.concatenate([jacobian.reshape(-1, 9), np.diag(prior)])
-        x = x + np.linalg.lstsq(rows, np.concatenate([error.ravel(), -prior * x]), rcond=None)[0]
+        x = x + lstsq(rows, np.concatenate([error.ravel(), -prior * x]), rcond=None)[0]
     missed = np.linalg.norm(error, axis=1)
     if np.linalg.norm(x[:3]) > 10 * PLAUSIBLE_M or np.linalg.norm(x[3:6]) > 10 * PLAUSIBLE_RAD:
         raise InputError(

@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from exactarm.data.columns import POSITION, QUATERNION, ROTATION_VECTOR, Column
 from exactarm.errors import InputError
+from exactarm.numerics.factors import svd
 from exactarm.numerics.rotation import nearest
 
 Key = tuple[str, int | None] | str
@@ -72,7 +73,7 @@ def plate_poses(points: np.ndarray, path: str, column: str) -> tuple[np.ndarray,
     for _ in range(_PASSES):
         rotation, centre = _laid_over(shape, points)
         shape = np.median(np.einsum("nij,nki->nkj", rotation, points - centre[:, None]), axis=0)
-    lengths = np.linalg.svd(shape - shape.mean(axis=0), compute_uv=False)
+    lengths = svd(shape - shape.mean(axis=0), compute_uv=False)
     if not lengths[1] > _LINE * lengths[0]:
         raise InputError("the reflectors lie on one line, whose turn nothing shows; expected three that span "
                          "a plane", file=path, column=column)

@@ -25,6 +25,7 @@ from exactarm.errors import InputError
 from exactarm.identify.identifiability import Identifiability, select_identifiable
 from exactarm.identify.observability import Observability, column_scale, observability
 from exactarm.identify.planned import PlannedModel, row_weights
+from exactarm.numerics.factors import svd
 from exactarm.robot.robot import Robot
 
 # Steps as they are told, in their order.
@@ -159,7 +160,7 @@ def _scaled(model: PlannedModel, identifiability: Identifiability, q: np.ndarray
 
 
 def _indices(blocks: np.ndarray) -> Observability:
-    values = np.linalg.svd(blocks.reshape(-1, blocks.shape[-1]), compute_uv=False)
+    values = svd(blocks.reshape(-1, blocks.shape[-1]), compute_uv=False)
     return observability(values, len(blocks))
 
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.scan import Candidate
+from exactarm.numerics.factors import lstsq
 
 _GROUPS_EACH = 5  # groups for each coefficient, below which their scatter is no estimate
 
@@ -33,7 +34,7 @@ def robust_evidence(fitted: Fitted, candidate: Candidate, columns: np.ndarray, g
     if not k or len(names) < _GROUPS_EACH * k:
         return candidate.evidence
     residual = fitted.free_residual
-    values = np.linalg.lstsq(clear, residual, rcond=1e-8)[0]
+    values = lstsq(clear, residual, rcond=1e-8)[0]
     numbers = fitted.data_numbers
     scores = (clear * (residual - clear @ values)[:, None])[:numbers].reshape(len(groups), -1, k).sum(axis=1)
     by_group = np.zeros((len(names), k))

@@ -18,6 +18,7 @@ from exactarm.data.kinds import GEAR_RUN
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.scan import free_mask
 from exactarm.effects.base import Effect
+from exactarm.numerics.factors import lstsq
 from exactarm.numerics.orthonormal import orthonormal
 from exactarm.robot.robot import Robot
 from exactarm.view import View
@@ -106,7 +107,7 @@ class Difference:
         declared = fitted.standard(fitted.jacobian[:, :, kept])
         basis = orthonormal(declared)
         free = lambda columns: columns - basis @ (basis.T @ columns)
-        imitation = np.linalg.lstsq(free(second), free(first), rcond=1e-9)[0]
+        imitation = lstsq(free(second), free(first), rcond=1e-9)[0]
         return Difference(one, other, fitted.sigma, kept, declared, imitation, first - second @ imitation)
 
     def left(self, view: View, jacobian: np.ndarray, used=...) -> np.ndarray:

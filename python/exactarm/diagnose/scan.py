@@ -20,6 +20,7 @@ import numpy as np
 
 from exactarm.diagnose.fitted import Fitted
 from exactarm.effects.base import Effect
+from exactarm.numerics.factors import lstsq
 
 _ABSORBED = 1e-6  # share of a column's square sum left after projection, below which geometry explains it
 _INVISIBLE = 1e-3  # whitened length that a plausible value must have: below, the column is rounding
@@ -150,7 +151,7 @@ def _gain(normal: np.ndarray, onto: np.ndarray, usable: np.ndarray) -> tuple[flo
         return 0.0, values
     scale = np.sqrt(np.diag(normal)[usable])
     scaled = normal[np.ix_(usable, usable)] / np.outer(scale, scale)
-    values[usable] = np.linalg.lstsq(scaled, onto[usable] / scale, rcond=1e-8)[0] / scale
+    values[usable] = lstsq(scaled, onto[usable] / scale, rcond=1e-8)[0] / scale
     return float(values @ onto), values
 
 

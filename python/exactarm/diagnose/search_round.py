@@ -20,6 +20,7 @@ from exactarm.diagnose.signal import Structure
 from exactarm.diagnose.vocabulary import SCALES, Block, Vocabulary
 from exactarm.noise.estimate import log_likelihood_under, normal_noise
 from exactarm.noise.model import NoiseModel
+from exactarm.numerics.factors import lstsq
 from exactarm.numerics.orthonormal import orthonormal
 
 # causes and unknown functions together: of more, on measured arms, the sum fits its own rows only (UR10:
@@ -170,5 +171,5 @@ def _prediction(picture: Picture, members: Members, at: At, noise: NoiseModel) -
     left = at.residual - taken
     design, right = noise.whiten(at.jacobian), noise.whiten(left[:, :, None])[:, 0]
     norm = np.maximum(np.linalg.norm(design, axis=0), 1e-300)
-    step = np.linalg.lstsq(design / norm, right, rcond=1e-10)[0] / norm
+    step = lstsq(design / norm, right, rcond=1e-10)[0] / norm
     return taken + at.jacobian @ step

@@ -43,6 +43,7 @@ from exactarm.diagnose.vocabulary import UNKNOWN_MASS, emptied
 from exactarm.effects.base import Effect
 from exactarm.identify.sensor_tone import summit
 from exactarm.noise.broadband import level_around
+from exactarm.numerics.factors import lstsq
 from exactarm.numerics.signals import typical_step
 
 _PERIODS = 2.0  # in the longest run, at least
@@ -93,7 +94,7 @@ class WaveInTime:
         (K,)."""
         columns = waves(time, self.frequency, self.coefficients.shape[2] // 2)
         beside = np.column_stack([columns, np.ones(time.size)])  # the offset of the run
-        return columns @ np.linalg.lstsq(beside[keep], residual[keep], rcond=None)[0][:-1]
+        return columns @ lstsq(beside[keep], residual[keep], rcond=None)[0][:-1]
 
 
 def waves(time: np.ndarray, frequency: float, terms: int) -> np.ndarray:

@@ -23,6 +23,7 @@ import numpy as np
 from exactarm.data.kinds import WITH_TARGET
 from exactarm.effects.base import Change, Effect, OwnCurve, Parameter, Station
 from exactarm.effects.moving_frames import MovingFrames
+from exactarm.numerics.factors import lstsq
 from exactarm.numerics.rotation import skew
 
 _WAVES = 16  # the shortest is an eighth of the way long; they fall, and more cost the fit alone
@@ -130,7 +131,7 @@ class GuideError(Effect):
         places = np.linspace(*self.seen, _PLACES)
         waves, along = self._waves_at(x)[0], self._waves_at(places)[0]
         line = lambda at: np.stack([np.ones(len(at)), at], axis=1)
-        return (waves - line(x) @ np.linalg.lstsq(line(places), along, rcond=None)[0],
+        return (waves - line(x) @ lstsq(line(places), along, rcond=None)[0],
                 waves - along.mean(axis=0))
 
     def _part(self, motion: int, covariance: np.ndarray) -> np.ndarray:

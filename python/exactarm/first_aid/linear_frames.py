@@ -10,6 +10,7 @@ coordinates share, and without them 3 unknowns are left.
 
 import numpy as np
 
+from exactarm.numerics.factors import lstsq
 from exactarm.numerics.rotation import nearest
 
 _WELL_POSED = 1e-6  # on the diagonal of R, of columns with an RMS of one: below it the least norm is taken
@@ -59,7 +60,7 @@ def linear_tool(points: np.ndarray, rotations: np.ndarray, measured: np.ndarray)
 
 def solved(columns: np.ndarray, goal: np.ndarray) -> np.ndarray:
     rows = columns.reshape(-1, columns.shape[2])
-    return np.linalg.lstsq(rows, goal.ravel(), rcond=1e-9)[0]
+    return lstsq(rows, goal.ravel(), rcond=1e-9)[0]
 
 
 def least_left(points: np.ndarray, rotations: np.ndarray, measured: np.ndarray) -> np.ndarray:

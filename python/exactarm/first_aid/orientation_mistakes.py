@@ -19,6 +19,7 @@ from exactarm.data.dataset import Dataset
 from exactarm.first_aid.linear_frames import linear_frames
 from exactarm.first_aid.misfit import LEAST_ORIENTATION_RAD, Misfit
 from exactarm.first_aid.suspicion import FALL, Suspicion
+from exactarm.numerics.factors import svd
 from exactarm.numerics.rotation import log as rotation_log
 from exactarm.numerics.rotation import nearest
 from exactarm.robot.robot import Robot
@@ -60,7 +61,7 @@ def orientation_mistakes(bare: Robot, carried: Layout, data: Dataset, now: Misfi
 def _base(points: np.ndarray, rotations: np.ndarray, measured: np.ndarray, now: Misfit) -> np.ndarray | None:
     """(3, 3) rotation of the arm's base in the device, where points do not lie nearly on a line."""
     base, *_ = linear_frames(points, rotations, measured)
-    spread = np.linalg.svd(measured - measured.mean(axis=0), compute_uv=False)[1] / np.sqrt(len(measured))
+    spread = svd(measured - measured.mean(axis=0), compute_uv=False)[1] / np.sqrt(len(measured))
     return base if now.position < _WELL_POSED * now.orientation * spread else None
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from exactarm import _core
 from exactarm.effects.link_inertia import column_name
+from exactarm.numerics.factors import lstsq
 from exactarm.robot.robot import Robot
 
 _STATES = 150
@@ -76,7 +77,7 @@ def base_parameters(robot: Robot) -> BaseParameters:
         rotors[:, i, i] = robot.controller_ratios[i] ** 2 * q_ddot[:, i]
     matrix = np.concatenate([links, rotors], axis=2).reshape(_STATES * n, 11 * n)
     kept, dropped, nothing = _independent(matrix, _preference(n))
-    K = (np.linalg.lstsq(matrix[:, kept], matrix[:, dropped], rcond=None)[0]
+    K = (lstsq(matrix[:, kept], matrix[:, dropped], rcond=None)[0]
          if len(dropped) else np.zeros((len(kept), 0)))
     names = (*map(column_name, range(10 * n)), *(f"rotor_inertia_{i + 1}_kg_m2" for i in range(n)))
     return BaseParameters(np.array(kept, int), np.array(dropped, int), np.array(nothing, int), K, names)

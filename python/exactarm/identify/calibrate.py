@@ -40,6 +40,7 @@ from exactarm.identify.session_payloads import EstimatedPayload, payload_layout,
 from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.identify.wild_rows import wild_rows, wild_rows_line
 from exactarm.measurement.session_payload import SessionPayload
+from exactarm.numerics.factors import lstsq, svd
 from exactarm.numerics.regression import Fit
 from exactarm.numerics.rotation import log
 from exactarm.robot.controller_frames import apart, target_on_flange
@@ -290,7 +291,7 @@ def _beyond_bounds(fit: PoseFit, data: Dataset):
     residual = left.ravel() / fit.sigma_position
     free = columns[:, ~fit.fit.at_bound]
     for k in np.flatnonzero(fit.fit.at_bound):
-        alone = columns[:, k] - free @ np.linalg.lstsq(free, columns[:, k], rcond=None)[0]
+        alone = columns[:, k] - free @ lstsq(free, columns[:, k], rcond=None)[0]
         if abs(alone @ residual) > _BEYOND * np.linalg.norm(alone):
             effect = next(effect for effect, where in zip(fit.layout.effects, fit.layout.slices)
                           if where.start <= k < where.stop)
@@ -304,7 +305,7 @@ def _parallel(robot: Robot) -> bool:
     q = np.random.default_rng(0).uniform(-1.0, 1.0, (8, robot.axes))
     turned = _core.forward_kinematics(robot.core, q)[1].reshape(-1, 3, 3)
     from_first = np.array([log(rotation @ turned[0].T) for rotation in turned[1:]])
-    spread = np.linalg.svd(from_first, compute_uv=False)
+    spread = svd(from_first, compute_uv=False)
     return bool(spread[1] < _PARALLEL * max(spread[0], 1e-12))
 
 

@@ -16,6 +16,7 @@ from exactarm.identify.partner_prior import partner_tells_scale
 from exactarm.measurement.closures import device_of, predict_closures
 from exactarm.measurement.contacts import SENSORS
 from exactarm.measurement.known_lengths import known_lengths
+from exactarm.numerics.factors import lstsq
 
 
 def scale_is_known(layout: Layout, data: Dataset) -> bool:
@@ -60,7 +61,7 @@ def with_held_in_doubt(fit: ClosureFit, whole: Layout, data: Dataset, pulls: Pul
     rows = (scale[:, :, None] * prediction.jacobian).reshape(scale.size, layout.size)
     rows = np.concatenate([rows, pulls.rows(layout)[0]])
     moved = np.flatnonzero(free)[~fit.fit.at_bound]
-    taken = np.linalg.lstsq(rows[:, moved], rows[:, held] * tolerance[held], rcond=None)[0]
+    taken = lstsq(rows[:, moved], rows[:, held] * tolerance[held], rcond=None)[0]
     doubt = np.zeros((fit.layout.size, held.sum()))
     doubt[~fit.fit.at_bound] = taken
     return replace(fit, fit=replace(fit.fit, covariance=fit.fit.covariance + doubt @ doubt.T))

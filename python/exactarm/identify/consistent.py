@@ -26,6 +26,7 @@ from exactarm.effects.link_inertia import LinkInertia
 from exactarm.identify.layout_fit import priors_of
 from exactarm.identify.motion_fit import MotionFit
 from exactarm.identify.prior_bodies import declares_bodies, prior_bodies
+from exactarm.numerics.factors import lstsq
 from exactarm.numerics.trust_region import Model, bounded_step
 from exactarm.robot.pseudo_inertia import BASIS, inertial_parameters
 from exactarm.robot.robot import Robot
@@ -123,7 +124,7 @@ def _scaled(blocks: list[_Block], triangle: np.ndarray, links: int) -> list[_Blo
         others[block.where] = False
         together[block.where] = inertial_parameters(block.prior)
     columns = np.column_stack([triangle[:, :size] @ together, triangle[:, :size][:, others]])
-    scale = np.linalg.lstsq(columns, triangle[:, size], rcond=None)[0][0]
+    scale = lstsq(columns, triangle[:, size], rcond=None)[0][0]
     if not scale > 0.0:
         return blocks
     return [replace(block, prior=scale * block.prior) for block in blocks[:links]] + blocks[links:]

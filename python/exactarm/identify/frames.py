@@ -16,6 +16,7 @@ from exactarm.chain import Layout, predict_poses
 from exactarm.data.dataset import Dataset
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
+from exactarm.numerics.factors import svd
 from exactarm.numerics.rotation import nearest, skew
 from exactarm.robot.robot import Placement, Robot
 
@@ -55,7 +56,7 @@ def find_frames(robot: Robot, data: Dataset, layout: Layout | None = None,
         raise InputError(
             f"different poses of session {data.session[0]} to find its frames by: {distinct}; expected at "
             "least 4", file=data.first_file)
-    if np.linalg.svd(measured - measured.mean(0), compute_uv=False)[1] < 1e-6:
+    if svd(measured - measured.mean(0), compute_uv=False)[1] < 1e-6:
         raise InputError(
             f"measured points of session {data.session[0]} lie on one line; expected points in space, to "
             "find its frames by", file=data.first_file)

@@ -17,6 +17,7 @@ from exactarm.chain import Layout, MotionRecord, predict_motion
 from exactarm.chain.dry_friction import DryFriction, unsettled_rows
 from exactarm.effects.base import Station
 from exactarm.effects.drive import over_samples
+from exactarm.numerics.factors import lstsq
 from exactarm.numerics.orthonormal import shown
 from exactarm.robot.robot import Robot
 from exactarm.view import SIGN_WIDTH_RAD_S
@@ -122,7 +123,7 @@ class _Axis:
     def start(self, law: Law) -> np.ndarray:
         """(runs,) what dry friction held at the start of each run, in parts of itself."""
         columns = self.rubbing.at(_by_law(self.view, self.axis, law))[1][self.keep]
-        found = np.linalg.lstsq(np.column_stack([columns, self.at_start, self.others]), self.target,
+        found = lstsq(np.column_stack([columns, self.at_start, self.others]), self.target,
                                 rcond=_DEPENDENT)[0]
         held, first = np.zeros(self.begun.size), columns.shape[1]
         levels = found[first : first + self.at_start.shape[1]]

@@ -23,6 +23,7 @@ import numpy as np
 from exactarm.effects.parameter_id import Group, ParameterId
 from exactarm.identify.collision import Arm, hardly_differ, move_alike, no_effect
 from exactarm.identify.observability import Observability, column_scale, observability
+from exactarm.numerics.factors import lstsq, svd
 from exactarm.robot.robot import Robot
 
 RANK_TOLERANCE = 1e-6  # part of a unit column outside the kept ones: URDF files print pi to six digits
@@ -116,8 +117,8 @@ def select_identifiable(jacobian: np.ndarray, names: Sequence[ParameterId], *, k
     mask = np.zeros(len(names), bool)
     mask[kept] = True
     scaled = (jacobian * column_scale(names, plausible))[:, mask]
-    kept_values = np.linalg.svd(unit[:, mask], compute_uv=False)
-    indices = observability(np.linalg.svd(scaled, compute_uv=False), poses or max(len(jacobian) // 3, 1))
+    kept_values = svd(unit[:, mask], compute_uv=False)
+    indices = observability(svd(scaled, compute_uv=False), poses or max(len(jacobian) // 3, 1))
     rank = {name: place for place, name in enumerate(names)}
     return Identifiability(
         names, mask, tuple(sorted(dropped, key=lambda entry: rank[entry.name])),
@@ -156,7 +157,7 @@ def _ordered_qr(unit: np.ndarray, order: list[int]) -> tuple[list[int], list[tup
             basis = np.column_stack([basis, rest / left])
             kept.append(j)
         else:
-            share = np.linalg.lstsq(unit[:, kept], unit[:, j], rcond=None)[0]
+            share = lstsq(unit[:, kept], unit[:, j], rcond=None)[0]
             dropped.append((j, _participants(share, kept, _PARTICIPATES)))
     return kept, dropped
 
@@ -175,7 +176,7 @@ def _above_noise(unit, length, kept, sigma, plausible, count):
     kept, hidden = list(kept), []
     deviations = np.full(count, np.nan)
     while kept:
-        _, values, directions = np.linalg.svd(unit[:, kept], full_matrices=False)
+        _, values, directions = svd(unit[:, kept], full_matrices=False)
         if len(values) < len(kept):
             break
         spread = sigma * np.linalg.norm(directions.T / values, axis=1) / length[kept]
@@ -192,7 +193,7 @@ def _above_noise(unit, length, kept, sigma, plausible, count):
 def _weakest(unit, length, kept, size, excess) -> tuple[int, list[int]]:
     """Of the weakest direction (in plausible magnitudes) the last hidden parameter, and its partners."""
     finite = np.where(np.isfinite(size[kept]), size[kept], 1.0)
-    direction = np.abs(np.linalg.svd(unit[:, kept] * (length[kept] * finite), full_matrices=False)[2][-1])
+    direction = np.abs(svd(unit[:, kept] * (length[kept] * finite), full_matrices=False)[2][-1])
     part = direction > _WEAK_SHARE * direction.max()
     hidden = excess > 1.0
     candidates = np.flatnonzero(part & hidden) if np.any(part & hidden) else np.flatnonzero(hidden)
@@ -201,5 +202,5 @@ def _weakest(unit, length, kept, size, excess) -> tuple[int, list[int]]:
 
 
 def _all_singular_values(unit: np.ndarray, count: int) -> np.ndarray:
-    values = np.linalg.svd(unit, compute_uv=False) if unit.size else np.zeros(0)
+    values = svd(unit, compute_uv=False) if unit.size else np.zeros(0)
     return np.concatenate([values, np.zeros(count - len(values))])

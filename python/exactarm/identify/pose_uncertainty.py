@@ -29,6 +29,7 @@ from exactarm.effects.frames import Frames
 from exactarm.errors import InputError
 from exactarm.identify.declared import carried_layout, geometry_layout
 from exactarm.identify.planned import pose_data
+from exactarm.numerics.factors import lstsq, pinv
 from exactarm.robot.robot import Robot
 from exactarm.view import View
 
@@ -159,9 +160,9 @@ class _Moved:
         jacobian = prediction.jacobian[:, :3].reshape(-1, layout.size)
         f, b = jacobian[:, of_frames], jacobian[:, ~of_frames]
         norm = np.maximum(np.linalg.norm(f, axis=0), 1e-300)
-        along = -np.linalg.lstsq(f / norm, b, rcond=1e-10)[0] / norm[:, None]
+        along = -lstsq(f / norm, b, rcond=1e-10)[0] / norm[:, None]
         noise = float(np.sqrt(np.mean(prediction.residual()[:, :3] ** 2))) if known is None else known.noise_m
-        inverse = np.linalg.pinv(f / norm, rcond=1e-10) / norm[:, None]
+        inverse = pinv(f / norm, rcond=1e-10) / norm[:, None]
         rows = [names[name] for name, mine in zip(layout.names, of_frames) if not mine]
         factor = known.matrix()[rows] if known is not None else np.zeros((0, 0))
         of_frame = noise * _root(inverse @ inverse.T)

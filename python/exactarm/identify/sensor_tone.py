@@ -24,6 +24,7 @@ from scipy import fft, ndimage, special
 
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds.base import rows_of_runs
+from exactarm.numerics.factors import lstsq
 from exactarm.numerics.signals import gaussian_filter, typical_step
 
 _FALSE_ALARM = 1e-4  # of one data set
@@ -192,7 +193,7 @@ def _tone(data: Dataset, rests: list[np.ndarray], frequency: float) -> Tone:
     squares, count = np.zeros(data.gyro.shape[1]), 0
     for rows in rests:
         waves = np.stack([part(2.0 * np.pi * frequency * data.time[rows]) for part in (np.cos, np.sin)], 1)
-        found = np.linalg.lstsq(waves, _level(data.gyro[rows]), rcond=None)[0]
+        found = lstsq(waves, _level(data.gyro[rows]), rcond=None)[0]
         squares, count = squares + rows.size * np.sum(found**2, axis=0), count + rows.size
     return Tone(frequency, np.sqrt(squares / count))
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from exactarm.numerics.factors import lstsq, svd
 from exactarm.numerics.rotation import log, nearest
 
 Pose = tuple[np.ndarray, np.ndarray]  # rotation (..., 3, 3), position (..., 3) m
@@ -29,7 +30,7 @@ def homography(board: np.ndarray, seen: np.ndarray) -> np.ndarray:
     zero = np.zeros_like(ones)
     rows = np.concatenate([np.hstack([ones, zero, -scaled[1][:, :1] * ones]),
                            np.hstack([zero, ones, -scaled[1][:, 1:] * ones])])
-    found = np.linalg.svd(rows)[2][-1].reshape(3, 3)
+    found = svd(rows)[2][-1].reshape(3, 3)
     found = np.linalg.solve(own[1], found @ own[0])
     return found / np.linalg.norm(found)
 
@@ -47,7 +48,7 @@ def gross_corners(board: np.ndarray, seen: np.ndarray) -> np.ndarray:
         rest = seen - flat[:, :2] / flat[:, 2:]
         x, y = _scaled(board)[0].T
         terms = np.stack([x**i * y**k for i in range(4) for k in range(4 - i)], axis=1)
-        rest = rest - terms @ np.linalg.lstsq(terms[good], rest[good], rcond=None)[0]
+        rest = rest - terms @ lstsq(terms[good], rest[good], rcond=None)[0]
         size = np.linalg.norm(rest, axis=1)
         worst = int(np.argmax(np.where(good, size, 0.0)))
         if size[worst] <= _GROSS * max(float(np.median(size[good])), 1e-9):
@@ -98,7 +99,7 @@ def two_frames(targets: Pose, shown: Pose) -> tuple[Pose, Pose, float]:
         good = left <= _WRONG * max(float(np.median(left)), 1e-9)
     columns = np.concatenate([targets[0], np.tile(-np.eye(3), (len(good), 1, 1))], axis=2)
     goal = np.einsum("ij,kj->ki", world, shown[1]) - targets[1]
-    solution = np.linalg.lstsq(columns[good].reshape(-1, 6), goal[good].ravel(), rcond=1e-9)[0]
+    solution = lstsq(columns[good].reshape(-1, 6), goal[good].ravel(), rcond=1e-9)[0]
     rest = (goal - columns @ solution)[good]
     rms = float(np.sqrt(np.mean(np.sum(rest**2, axis=1))))
     return (mount, solution[:3]), (world, solution[3:]), rms
@@ -108,7 +109,7 @@ def _rotations(targets: np.ndarray, shown: np.ndarray) -> tuple[np.ndarray, np.n
     """R_M, R_W: the leading singular pair of sum kron(T_i, C_i) has vec(R_W) on the left, vec(R_M) on the
     right."""
     total = np.einsum("kij,kab->iajb", targets, shown).reshape(9, 9)
-    left, _, right = np.linalg.svd(total)
+    left, _, right = svd(total)
     world, mount = left[:, 0].reshape(3, 3), right[0].reshape(3, 3)
     sign = np.sign(np.linalg.det(world))
     return nearest(sign * mount), nearest(sign * world)

@@ -25,6 +25,7 @@ from exactarm.measurement.camera import Camera
 from exactarm.measurement.contact import Contact
 from exactarm.measurement.gravity_sensors import Accelerometer, Inclinometer
 from exactarm.measurement.partner import Partner
+from exactarm.numerics.factors import lstsq, svd
 
 _CENTRE = tuple(Parameter(f"{axis}_m", 10.0) for axis in "xyz")
 _UNSEEN_M = 1e-9  # a centre nearer than this to the target has no direction
@@ -83,7 +84,7 @@ class Plane(Touched):
 
     def start(self, points, length):
         middle = points.mean(axis=0)
-        v, u, normal = np.linalg.svd(points - middle, full_matrices=False)[2]
+        v, u, normal = svd(points - middle, full_matrices=False)[2]
         axes = (middle, normal, u, v)
         height = float(np.median((points - middle) @ normal))
         return replace(self, values=(0.0, 0.0, height),
@@ -174,6 +175,6 @@ def _sphere(points: np.ndarray, length: np.ndarray | None) -> np.ndarray:
     middle = points.mean(0)
     arm = points - middle
     right = np.sum(arm**2, axis=1) - (0.0 if length is None else length**2)
-    solution = np.linalg.lstsq(np.column_stack([2.0 * arm, np.ones(len(arm))]), right, rcond=None)[0]
+    solution = lstsq(np.column_stack([2.0 * arm, np.ones(len(arm))]), right, rcond=None)[0]
     radius = np.sqrt(max(solution[3] + solution[:3] @ solution[:3], 0.0)) if length is None else 0.0
     return np.array([*(solution[:3] + middle), radius])

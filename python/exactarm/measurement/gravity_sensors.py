@@ -23,6 +23,7 @@ import numpy as np
 from exactarm.effects.base import Parameter
 from exactarm.errors import InputError
 from exactarm.measurement.contact import Contact
+from exactarm.numerics.factors import lstsq, svd
 from exactarm.numerics.rotation import exp, left_jacobian, nearest, skew
 from exactarm.robot.robot import GRAVITY_M_S2
 
@@ -92,7 +93,7 @@ class GravitySensor(Contact):
         values = np.asarray(self.values)
         turned, mount = values[:3], exp(values[:3]) @ np.asarray(self.reference)
         declared = -np.asarray(view.robot.gravity) / np.linalg.norm(view.robot.gravity)
-        level = np.linalg.svd(declared[None])[2][1:]  # (2, 3) axes of the base's tilt
+        level = svd(declared[None])[2][1:]  # (2, 3) axes of the base's tilt
         leaning = values[3:5] @ level
         up = exp(leaning) @ declared
         base = view.signals["base_rotation"][at].reshape(-1, 3, 3)
@@ -149,8 +150,8 @@ class Inclinometer(GravitySensor):
         return np.arcsin(sine) + (v[:, :2] - sine) * by_v[:, range(2), range(2)], by_v
 
     def _mounted(self, up, reading, data):
-        two = np.linalg.lstsq(up, np.sin(reading), rcond=None)[0].T
-        u, _, vt = np.linalg.svd(two, full_matrices=False)
+        two = lstsq(up, np.sin(reading), rcond=None)[0].T
+        u, _, vt = svd(two, full_matrices=False)
         x, y = u @ vt
         return np.stack([x, y, np.cross(x, y)])
 

@@ -26,6 +26,7 @@ from exactarm.data.kinds import POSES
 from exactarm.effects.base import Parameter, Station
 from exactarm.errors import InputError
 from exactarm.measurement.contact import Contact
+from exactarm.numerics.factors import lstsq
 from exactarm.numerics.rotation import exp, left_jacobian, nearest, skew
 from exactarm.robot.controller_frames import at_flange, target_on_flange, with_target
 from exactarm.robot.robot import Robot
@@ -159,7 +160,7 @@ def placed_by(points: np.ndarray, flange: np.ndarray, turned: np.ndarray,
         turn = nearest((points - centres[0]).T @ (there - centres[1]))
         columns = np.concatenate([np.tile(np.eye(3), (len(points), 1, 1)), turn @ turned], axis=2)
         right = points - flange @ turn.T
-        solution = np.linalg.lstsq(columns.reshape(-1, 6), right.ravel(), rcond=1e-6)[0]
+        solution = lstsq(columns.reshape(-1, 6), right.ravel(), rcond=1e-6)[0]
         base, ball = solution[:3], solution[3:]
     return turn, base, ball
 

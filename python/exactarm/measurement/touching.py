@@ -14,6 +14,7 @@ from exactarm.data.kinds import CLOSURES
 from exactarm.measurement.closures import PAIR, ClosurePrediction, predict_closures, turn_of_axis
 from exactarm.measurement.contact import Contact
 from exactarm.measurement.contacts import CONTACT_CLASSES, Socket
+from exactarm.numerics.factors import pinv
 from exactarm.robot.robot import Robot
 
 TOUCHES_M = 1e-9  # nearer than any device notices
@@ -66,7 +67,7 @@ def touching(
         if left.max(initial=0.0) < TOUCHES_M:
             break
         by_joints = np.stack([turn_of_axis(found, i) for i in range(q.shape[1])], axis=2)[:, :c]
-        step = (np.linalg.pinv(by_joints, rcond=_SINGULAR) @ rest[:, :, None])[:, :, 0]
+        step = (pinv(by_joints, rcond=_SINGULAR) @ rest[:, :, None])[:, :, 0]
         size = np.max(np.abs(step), axis=1, keepdims=True)
         q = q + step * np.minimum(1.0, _LONGEST_RAD / np.maximum(size, 1e-300))
     return q, left

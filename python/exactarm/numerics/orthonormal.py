@@ -6,6 +6,8 @@ import numpy as np
 from scipy import linalg
 from scipy.linalg import lapack
 
+from exactarm.numerics.factors import svd
+
 # Least of the Cholesky factor of columns of unit length: above the first, one pass is orthonormal to
 # 1e-11 (rounding over its square); below the second, the Gram matrix loses a direction.
 _APART, _NEARLY = 1e-2, 1e-4
@@ -29,7 +31,7 @@ def shown(columns: np.ndarray, weakest: float) -> np.ndarray:
     """(R, b) the same of directions that may be as weak as rounding allows (1e-14 of the strongest), by
     singular values: slower."""
     norm = np.linalg.norm(columns, axis=0)
-    basis, values, _ = np.linalg.svd(columns[:, norm > 0.0] / norm[norm > 0.0], full_matrices=False)
+    basis, values, _ = svd(columns[:, norm > 0.0] / norm[norm > 0.0], full_matrices=False)
     return basis[:, values > weakest * values.max(initial=0.0)]
 
 

@@ -6,6 +6,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from exactarm.numerics.factors import svd
+
 _ROWS, _COLUMNS = [2, 0, 1], [1, 2, 0]
 _AROUND = -0.9  # cosine of angles whose axis the antisymmetric part does not show well
 
@@ -55,6 +57,6 @@ def left_jacobian(vector: np.ndarray) -> np.ndarray:
 
 def nearest(matrix: np.ndarray) -> np.ndarray:
     """The rotations nearest to matrices in the Frobenius norm."""
-    u, _, vt = np.linalg.svd(matrix)
+    u, _, vt = svd(matrix)
     u[..., 2] *= np.sign(np.linalg.det(u @ vt))[..., None]
     return u @ vt

@@ -17,6 +17,8 @@ import numpy as np
 from scipy import linalg
 from scipy.linalg import lapack
 
+from exactarm.numerics.factors import svd
+
 _SQUARED = 1e-10  # eigenvalue beside the largest, below which J'J leaves less than six digits of it
 _ROUNDING = 1e-14  # singular value beside the largest, below which it is rounding
 _SURE = 1e-3  # smallest of a Cholesky factor's diagonal beside the largest: no direction near rounding
@@ -108,8 +110,7 @@ class Model:
         left = columns[:, strong:] - columns[:, :strong] @ part
         again = linalg.cho_solve(factor, columns[:, :strong].T @ left, check_finite=False)
         part, left = part + again, left - columns[:, :strong] @ again
-        singular, rows = linalg.svd(linalg.qr(left, mode="r", check_finite=False)[0][: left.shape[1]],
-                                    check_finite=False)[1:]
+        singular, rows = svd(linalg.qr(left, mode="r", check_finite=False)[0][: left.shape[1]])[1:]
         seen, lost = singular > _SEEN * sizes[0], singular < _LOST * sizes[0]
         if not np.all(seen | lost):
             return None
@@ -132,8 +133,8 @@ class Model:
         if values.size and values[0] < _SQUARED * values[-1]:
             columns = self._columns(np.flatnonzero(free))
             upper = linalg.qr(columns, mode="r", check_finite=False)[0][: values.size]
-            singular, rows = linalg.svd(upper, full_matrices=False, check_finite=False)[1:]
-            rows = rows if len(rows) == values.size else linalg.svd(upper)[2]
+            singular, rows = svd(upper, full_matrices=False)[1:]
+            rows = rows if len(rows) == values.size else svd(upper)[2]
             values, vectors = np.zeros(values.size), rows.T
             values[: singular.size] = np.where(singular > _ROUNDING * singular[0], singular, 0.0) ** 2
         return values, vectors

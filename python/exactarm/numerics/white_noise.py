@@ -7,6 +7,8 @@ from math import comb
 
 import numpy as np
 
+from exactarm.numerics.factors import pinv
+
 # A stretch is so many periods of the band long; the quietest quarter of the stretches says what the noise is:
 # friction that turns over, and ripple at full speed, are loud in the others.
 _PERIODS, _QUIET = 5.0, 0.25
@@ -51,7 +53,7 @@ def rise_towards_band(runs: list[np.ndarray], step: float, bandwidth_hz: float) 
         return None
     window = np.hanning(length + 1)[:-1]
     line = np.stack([np.ones(length), np.linspace(-1.0, 1.0, length)], axis=1)
-    off_the_line = np.eye(length) - line @ np.linalg.pinv(line)
+    off_the_line = np.eye(length) - line @ pinv(line)
     stretches = [run[start : start + length] for run in runs
                  for start in range(0, len(run) - length + 1, length // 2)]
     if len(stretches) < _LEAST_STRETCHES:

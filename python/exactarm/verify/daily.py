@@ -25,6 +25,7 @@ from exactarm.identify.match import WORST_SHARE, require_match
 from exactarm.identify.planned import controller_angles
 from exactarm.identify.pose_fit import PoseFit, fit_poses
 from exactarm.identify.reach import reach
+from exactarm.numerics.factors import svd
 from exactarm.robot.robot import Robot
 from exactarm.verify.candidates import base_of, candidates, model_error, rigid
 from exactarm.verify.change import RANK, Days, Evidence, Hypothesis
@@ -307,7 +308,7 @@ def _day(
         place, apart = procrustes(expected, data.position)
         free = shown @ rigid(np.nan_to_num(by_pose(expected)))
         free /= np.maximum(np.linalg.norm(free, axis=0), 1e-300)
-        u, values, _ = np.linalg.svd(free, full_matrices=False)
+        u, values, _ = svd(free, full_matrices=False)
         u = u[:, values > RANK * values.max(initial=1e-300)]
         return (moved + by_pose(apart @ place.rotation)).ravel(), shown - u @ u.T
 

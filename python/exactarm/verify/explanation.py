@@ -26,6 +26,7 @@ from functools import cached_property
 import numpy as np
 from scipy import linalg, special
 
+from exactarm.numerics.factors import lstsq, svd
 from exactarm.verify.change import RANK, WINDOW, Alarms, Days, Evidence, Hypothesis, Moved, level_of
 
 CREDIBLE = 0.95
@@ -175,7 +176,7 @@ def _at_its_best(hypothesis: Hypothesis, part: _Parted, value: np.ndarray,
         slope = part.slope(half, moved.columns)
         scale = np.maximum(np.linalg.norm(slope, axis=0), 1e-300)
         damped = np.vstack([slope / scale, np.sqrt(damping) * np.eye(len(value))])
-        step = np.linalg.lstsq(damped, np.append(residual, np.zeros(len(value))), rcond=RANK)[0] / scale
+        step = lstsq(damped, np.append(residual, np.zeros(len(value))), rcond=RANK)[0] / scale
         trial = hypothesis.moved(value + step)
         new = _whitened(half, part.z - part.root @ trial.f)
         fall = residual @ residual - new @ new
@@ -199,7 +200,7 @@ def _linear(part: _Parted, offset: np.ndarray, columns: np.ndarray, half: np.nda
     """f = offset + columns delta at its best delta."""
     slope, target = part.slope(half, columns), _whitened(half, part.z - part.root @ offset)
     scale = np.maximum(np.linalg.norm(slope, axis=0), 1e-300)
-    u, values, vt = np.linalg.svd(slope / scale, full_matrices=False)
+    u, values, vt = svd(slope / scale, full_matrices=False)
     kept = values > RANK * max(values.max(initial=0.0), 1e-300)
     inverse = (vt[kept].T / values[kept]) / scale[:, None]
     value = inverse @ (u[:, kept].T @ target)
