@@ -4,7 +4,6 @@
 
 #include <Eigen/LU>
 #include <Eigen/SVD>
-#include <ctime>
 
 #include "exactarm/robot/kinematics.hpp"
 #include "racer.hpp"
@@ -106,27 +105,18 @@ TEST(InverseKinematics, AnalyticStartsAreExactOnTheNominalArmWithAnySignAndZero)
   }
 }
 
-TEST(InverseKinematics, FollowsTheLineOfTheThesisInUnderTwentyMilliseconds) {
+TEST(InverseKinematics, FollowsTheLineOfTheThesisWithAboutOneIterationAPose) {
   Random random(32);
   const Robot robot = identified_racer(random);
   RowMatrix positions, rotations, q;
   line({0.834, 0, 1}, {0.834, 0.5, 1}, 2501, positions, rotations);
-  double seconds = 1e9;
-  InverseKinematicsReport report;
-  for (int repeat = 0; repeat < 5; ++repeat) {
-    const std::clock_t begin = std::clock();  // processor time: other work on the machine does not count
-    report = inverse_kinematics_path(robot, positions, rotations, kStart, q, kOptions);
-    seconds = std::min(seconds, static_cast<double>(std::clock() - begin) / CLOCKS_PER_SEC);
-  }
+  const auto report = inverse_kinematics_path(robot, positions, rotations, kStart, q, kOptions);
   ASSERT_EQ(report.status, Status::solved);
   for (long k = 0; k < q.rows(); k += 100)
     EXPECT_LT(
         (forward_kinematics(robot, q.row(k).transpose()).position - positions.row(k).transpose()).norm(),
         1e-12);
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // many times slower under them
-  EXPECT_LT(seconds, 0.020);
-#endif
-  std::printf("2501 poses: %.2f ms, %ld iterations\n", 1e3 * seconds, report.iterations);
+  EXPECT_LE(report.iterations, 1.1 * q.rows());
 }
 
 TEST(InverseKinematics, SevenAxesGiveTheNearestSolution) {
