@@ -14,7 +14,7 @@ from exactarm.robot_file import load_robot
 
 
 def causes(nothing, *names):
-    places = tuple(Place(name, GearRatio(1, (1e-4,)), 0.7, 1.0, (), 0) for name in names)
+    places = tuple(Place(name, GearRatio(1, (1e-4,)), 0.7, 1.0, (), 0, 0.9) for name in names)
     return Causes(("declared", "with them"), places, (), nothing, 0.1, None, None, 0.0, 0.0)
 
 
@@ -22,7 +22,7 @@ def causes(nothing, *names):
     (0.3, (1e-6,), True), (0.3, (1e-6, 0.4), True), (0.3, (1e-6, 0.6), False), (0.01, (1e-6,), False)])
 def test_all_must_be_refuted_and_nothing_be_likely_beforehand(nothing, sure, calmed):
     given = causes(nothing, *"ab"[: len(sure)])
-    expected = replace(given, fits=("declared",), places=()) if calmed else None
+    expected = replace(given, fits=("declared",), places=(), probability_nothing=0.9) if calmed else None
     assert without_refuted(given, sure) == expected
 
 
@@ -43,4 +43,5 @@ def test_a_chance_of_the_fitted_rows_is_told_and_not_called_unexplained():
     result = diagnose(load_robot("ur10"), replace(made, position=position, session=session))
     assert result.verdict == NOTHING and not result.findings and len(result.selection.fits) == 1
     assert result.errors_after is result.errors_before
+    assert result.causes.probability_nothing == pytest.approx(0.88, abs=0.01)
     assert "(The fitted rows alone asked for link compliance of axis 3; rows that" in result.sentence

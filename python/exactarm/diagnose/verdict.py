@@ -55,11 +55,12 @@ def verdict_of_causes(causes: Causes, after, noise: NoiseFloor, excess: float) -
 def without_refuted(causes: Causes | None, sure: Sequence[float]) -> Causes | None:
     """Causes without those named where held-out rows, which leave them the probabilities `sure`, refute all,
     and the fitted rows alone may well be without a cause; else None: something else may have looked like
-    them."""
+    them. No cause at all has then its share of what is left."""
     refuted = causes is not None and bool(causes.places) and max(sure) < NAMED_AT
     if not refuted or causes.probability_nothing < _NOT_NOTHING:
         return None
-    return replace(causes, fits=causes.fits[:1], places=())
+    nothing = min(place.nothing for place in causes.places)
+    return replace(causes, fits=causes.fits[:1], places=(), probability_nothing=nothing)
 
 
 def rms_of(values: np.ndarray) -> float:
