@@ -67,7 +67,10 @@ class HalfSweep {
   int direction_;
   // x block b = sum_c x_of_[b][c] y block c, s' block b = sum_c out_of_[b][c] y block c.
   double x_of_[kStateBlocks][kBlocks] = {}, out_of_[kStateBlocks][kBlocks] = {};
-  std::vector<double> memory_;
+  // Begins at a multiple of a register wherever it lies: Eigen sums numbers before the first one in another
+  // order, and with AVX2 a plan of five axes differed by it from run to run.
+  using Memory = std::vector<double, Eigen::aligned_allocator<double>>;
+  Memory memory_;
   long knot_size_;
   int negative_pivots_ = 0;
   // The entries of out_of_ that are not zero, in the order of c; `first`: of its c, or of its b.
@@ -79,8 +82,8 @@ class HalfSweep {
   std::vector<Term> terms_by_input_, terms_by_output_;
   Matrix half_, quadratic_, compliance_, covariance_;
   // Column-major scratch: rest x n (three of them), rest x rest, and what the compliance needs.
-  std::vector<double> rest_transposed_, factor_, cross_, reduced_, product_, joint_, joint_transposed_,
-      gain_transposed_, corner_;
+  Memory rest_transposed_, factor_, cross_, reduced_, product_, joint_, joint_transposed_, gain_transposed_,
+      corner_;
   std::array<Square, 8> blocks_;
   Vector work_;
 };
