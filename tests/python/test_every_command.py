@@ -47,7 +47,8 @@ REST, ROUNDING = {"isolability": 1e-7, "tracking": 1e-9}, "kkt_error"
 # Numbers that are told beside the largest of their list. The singular values of two matrices differ by no
 # more than the largest one of their difference (Weyl 1912); a change that is seen is one over the lever it
 # acts by, and axis 6 of these poses has a thousandth of the others' (with AVX2: 2e-9 of itself).
-BY_LARGEST = {"singular_values": lambda value: value, "detectable": lambda told: 1.0 / told["size"]}
+BY_LARGEST = {"singular_values": lambda value: (value, ""),
+              "detectable": lambda told: (1.0 / told["size"], f"{told['parameter']} {told['within_days']}")}
 LEAST_FILE = 4096  # bytes that a file may have on the full disk
 
 
@@ -127,9 +128,10 @@ def unequal(one: object, other: object, path: str = "", rest: float = SMALLEST) 
     return [] if one == other else [f"{path}: {one} {other}"]
 
 
-def alike(one: list[float], other: list[float]) -> bool:
-    """Equal to 1e-9 of the largest."""
-    return len(one) == len(other) and np.allclose(one, other, rtol=0.0, atol=EQUAL * max(map(abs, one)))
+def alike(one: list[tuple[float, str]], other: list[tuple[float, str]]) -> bool:
+    """Numbers with their names: equal to 1e-9 of the largest number."""
+    (ours, own), (theirs, named) = zip(*one), zip(*other)
+    return own == named and np.allclose(ours, theirs, rtol=0.0, atol=EQUAL * max(map(abs, ours)))
 
 
 @pytest.mark.slow
