@@ -3,7 +3,6 @@ blocks and any order of Python's sets, the same numbers by the instructions of a
 outside its folders, no network, no program; one owner of a folder; a full disk is one line."""
 
 import json
-import math
 import os
 import re
 import shutil
@@ -29,6 +28,7 @@ from exactarm.verify import held_out
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+from robustness.same_numbers import EQUAL, differences
 from robustness.short_runs import RUNS, environment, prepare, words_of
 
 PACKAGE, WATCHED = Path(cli.__file__).parents[1], Path(__file__).parents[1] / "robustness/watched.py"
@@ -40,15 +40,6 @@ OTHER_PROCESSOR = {
     "OPENBLAS_CORETYPE": "Nehalem", "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR",
     "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-AVX512F,-AVX512VL,-FMA",
 }
-EQUAL, SMALLEST = 1e-9, 1e-12  # numbers on two processors: a share, and what is rounding in SI units
-# Standard deviations that planned poses show of a cause (4 are clear), metres that a plan is off its path.
-# How near to its optimum a plan has come is rounding itself.
-REST, ROUNDING = {"isolability": 1e-7, "tracking": 1e-9}, "kkt_error"
-# Numbers that are told beside the largest of their list. The singular values of two matrices differ by no
-# more than the largest one of their difference (Weyl 1912); a change that is seen is one over the lever it
-# acts by, and axis 6 of these poses has a thousandth of the others' (with AVX2: 2e-9 of itself).
-BY_LARGEST = {"singular_values": lambda value: (value, ""),
-              "detectable": lambda told: (1.0 / told["size"], f"{told['parameter']} {told['within_days']}")}
 LEAST_FILE = 4096  # bytes that a file may have on the full disk
 
 
@@ -112,28 +103,6 @@ def test_a_command_gives_the_same_bits_and_touches_nothing_else(command, folder,
     assert [name for name in found[0] if found[0][name] != found[1][name]] == []
 
 
-def unequal(one: object, other: object, path: str = "", rest: float = SMALLEST) -> list[str]:
-    """The paths to numbers that are not equal to 1e-9 or `rest`, and to all else that differs."""
-    if isinstance(one, dict) and isinstance(other, dict) and one.keys() == other.keys():
-        listed = [key for key in one if key in BY_LARGEST]
-        apart = [f"{path}.{key}" for key in listed if not alike(*(
-            [BY_LARGEST[key](each) for each in told[key]] for told in (one, other)))]
-        return apart + [found for key in one if key != ROUNDING and key not in listed
-                for found in unequal(one[key], other[key], f"{path}.{key}", REST.get(key, rest))]
-    if isinstance(one, list) and isinstance(other, list) and len(one) == len(other):
-        return [found for place, pair in enumerate(zip(one, other))
-                for found in unequal(*pair, f"{path}[{place}]", rest)]
-    if isinstance(one, float) and isinstance(other, float):
-        return [] if math.isclose(one, other, rel_tol=EQUAL, abs_tol=rest) else [f"{path}: {one} {other}"]
-    return [] if one == other else [f"{path}: {one} {other}"]
-
-
-def alike(one: list[tuple[float, str]], other: list[tuple[float, str]]) -> bool:
-    """Numbers with their names: equal to 1e-9 of the largest number."""
-    (ours, own), (theirs, named) = zip(*one), zip(*other)
-    return own == named and np.allclose(ours, theirs, rtol=0.0, atol=EQUAL * max(map(abs, ours)))
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("command", RUNS)
 def test_another_processor_gives_the_same_numbers(command, folder, tmp_path):
@@ -144,7 +113,8 @@ def test_another_processor_gives_the_same_numbers(command, folder, tmp_path):
         found.append({name: told for name, told in content(tmp_path / "out").items()
                       if Path(name).name == "result.json"})
         shutil.rmtree(tmp_path / "out")
-    assert len(found[0]) > 0 and unequal(*found) == []
+    assert len(found[0]) > 0
+    assert [words for size, words in differences(*found) if size > EQUAL] == []
 
 
 @pytest.mark.slow
@@ -231,14 +201,6 @@ def test_the_size_of_the_blocks_gives_the_same_bits(command, folder, tmp_path, m
     assert [name for name in found[0] if found[0][name] != found[1][name]] == []
 
 
-def numbers(value: object, name: str = "") -> dict[str, object]:
-    """Path -> what stands there."""
-    parts = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    if not isinstance(value, (dict, list)):
-        return {name: value}
-    return {path: each for key, part in parts for path, each in numbers(part, f"{name}.{key}").items()}
-
-
 @pytest.mark.slow
 def test_the_size_of_the_blocks_of_columns_changes_the_rounding_alone(monkeypatch):
     """Of a product with the same matrix, which adds up in another order where it is wider."""
@@ -246,8 +208,5 @@ def test_the_size_of_the_blocks_of_columns_changes_the_rounding_alone(monkeypatc
     data, found = data.select(np.arange(0, len(data), 4)), []
     for size in (fitted._BLOCK_COLUMNS, 11):
         monkeypatch.setattr(fitted, "_BLOCK_COLUMNS", size)
-        found.append(numbers(lasting(plain(ea.diagnose("kr300", data, threads=1).json))))
-    assert found[0].keys() == found[1].keys()
-    for name, value in found[0].items():
-        same = pytest.approx(value, rel=1e-9) if isinstance(value, float) else value
-        assert found[1][name] == same, name
+        found.append(lasting(plain(ea.diagnose("kr300", data, threads=1).json)))
+    assert [words for size, words in differences(*found) if size > EQUAL] == []
