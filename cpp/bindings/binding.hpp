@@ -43,6 +43,7 @@ void bind_gear(py::module_& module);
 void bind_harmonics(py::module_& module);
 void bind_gear_profile(py::module_& module);
 void bind_signals(py::module_& module);
+void bind_blocks(py::module_& module);
 void bind_inverse_kinematics(py::module_& module);
 void bind_solution(py::module_& module);
 

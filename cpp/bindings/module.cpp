@@ -14,6 +14,7 @@ PYBIND11_MODULE(_core, module) {
   bind_harmonics(module);
   bind_gear_profile(module);
   bind_signals(module);
+  bind_blocks(module);
   bind_inverse_kinematics(module);
   bind_solution(module);
 }

@@ -650,6 +650,10 @@ class PlanMotion:
     @property
     def theta_dot(self) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, n]"]:
         ...
+def block_recursion(before_last: typing.Annotated[numpy.typing.ArrayLike, numpy.float64], last: typing.Annotated[numpy.typing.ArrayLike, numpy.float64], diagonal: typing.Annotated[numpy.typing.ArrayLike, numpy.float64], right: typing.Annotated[numpy.typing.ArrayLike, numpy.float64]) -> numpy.typing.NDArray[numpy.float64]:
+    """
+    x (N, n, P) of diagonal_t x_t = right_t - last_t x_(t-1) - before_last_t x_(t-2); blocks (N, n, n).
+    """
 def coriolis_matrix(robot: Robot, q: typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, 1]"], q_dot: typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, 1]"]) -> typing.Annotated[numpy.typing.NDArray[numpy.float64], "[m, n]"]:
     """
     C(q, q_dot) by Christoffel symbols, (axes, axes).
@@ -677,6 +681,11 @@ def frame_poses(robot: Robot, q: typing.Annotated[numpy.typing.NDArray[numpy.flo
 def friction_torque(friction: Friction, rate: typing.SupportsFloat | typing.SupportsIndex, width: typing.SupportsFloat | typing.SupportsIndex) -> float:
     """
     Friction torque at a rate; width of tanh in rad/s, 0: exact sign.
+    """
+def gains_by_scale(gram: typing.Annotated[numpy.typing.ArrayLike, numpy.float64], y: typing.Annotated[numpy.typing.ArrayLike, numpy.float64], squares: typing.Annotated[numpy.typing.ArrayLike, numpy.float64]) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64]]:
+    """
+    (s, g) each: y' (I / s^2 + H)^-1 y and log det(I + s^2 H) / 2 of blocks H (g, k, k), y (g, k), for
+    squares s^2 (s,).
     """
 def gear_motor_angle(ratio: typing.SupportsFloat | typing.SupportsIndex, table: GearTable, phi: typing.Annotated[numpy.typing.ArrayLike, numpy.float64]) -> numpy.typing.NDArray[numpy.float64]:
     """

@@ -8,7 +8,7 @@ import numpy as np
 from exactarm import _core
 from exactarm.chain import Layout, motion_record, predict_motion
 from exactarm.chain.dry_friction import DryFriction
-from exactarm.effects.drive import smooth_sign, smooth_square
+from exactarm.effects.drive import smooth_sign, smooth_sign_slope, smooth_square
 from exactarm.effects.thermal_drift import ThermalFriction
 from exactarm.identify.dynamics import friction_layout
 from exactarm.identify.friction_width import _Axis, dry_friction
@@ -20,12 +20,12 @@ from six_axis import six_axis
 def test_smooth_sign_is_the_mean_over_the_swing():
     rate, swing = np.array([-0.3, -0.01, 0.0, 0.004, 0.2]), 0.03
     grid = np.linspace(-swing, swing, 20001)
-    mean, slope = smooth_sign(rate, 0.01, swing)
+    mean, slope = (each(rate, 0.01, swing) for each in (smooth_sign, smooth_sign_slope))
     np.testing.assert_allclose(mean, np.tanh((rate[:, None] + grid) / 0.01).mean(axis=1), atol=2e-4)
     step = 1e-6
     np.testing.assert_allclose(
         slope,
-        (smooth_sign(rate + step, 0.01, swing)[0] - smooth_sign(rate - step, 0.01, swing)[0]) / (2 * step),
+        (smooth_sign(rate + step, 0.01, swing) - smooth_sign(rate - step, 0.01, swing)) / (2 * step),
         atol=1e-4
     )
 
@@ -45,7 +45,7 @@ def test_smooth_square_is_the_mean_over_the_swing():
 
 def test_without_swing_it_is_the_hyperbolic_tangent():
     rate = np.linspace(-0.1, 0.1, 11)
-    np.testing.assert_allclose(smooth_sign(rate)[0], np.tanh(rate / SIGN_WIDTH_RAD_S), atol=1e-6)
+    np.testing.assert_allclose(smooth_sign(rate), np.tanh(rate / SIGN_WIDTH_RAD_S), atol=1e-6)
 
 
 def test_each_axis_takes_the_width_of_its_torque():

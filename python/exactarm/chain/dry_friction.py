@@ -61,7 +61,7 @@ class DryFriction:
     def sign(self, index: int, rate: np.ndarray, angle: np.ndarray, runs) -> np.ndarray:
         """s (S,) of samples with `rate` and `angle` on the output side; runs: their rows by time."""
         if self.reach[index] == 0.0:
-            return smooth_sign(rate, self.width[index])[0]
+            return smooth_sign(rate, self.width[index])
         found = np.empty_like(rate)
         for number, run in enumerate(runs):
             found[run] = held_sign(angle[run], self.reach[index], self.begin(number, index))

@@ -167,7 +167,7 @@ def _measured_load(view: View) -> np.ndarray:
         width = 1 + 2 * int(round(_SPIKE_S / typical_step(time)))
         plain = ndimage.median_filter(torque[rows], size=(width, 1), mode="nearest")
         torque[rows] = gaussian_filter(plain, time, _TORQUE_CUTOFF_HZ)
-        sign = smooth_sign(view.signals["theta_dot"][rows] / view.robot.ratios)[0]
+        sign = smooth_sign(view.signals["theta_dot"][rows] / view.robot.ratios)
         view.signals["friction_sign"][rows] = gaussian_filter(sign, time, _TORQUE_CUTOFF_HZ)
     return torque
 

@@ -7,15 +7,14 @@ With e the stretch of the springs (q = phi + q_offset - e) and tau the torque of
 so that gear errors near a resonance of the arm are answered as the arm does, not as its inertia alone.
 Integrated from the equilibria of the first rows of a run (a log that begins in motion has no accelerations
 there yet) by Newmark's method in its three-point form (Zienkiewicz 1977), a little damped at the highest
-frequencies (gamma = 1/2 + a, beta = (1 + a)^2 / 4); all steps of a run are one banded system, which serves
-values and tangents. Damping d = 1e-3 s kappa'(0), as gears have it (3 % of critical at 10 Hz): it decides
-where a resonance is crossed and nowhere else. A cubic spring enters by its secant. Axes without a declared
-spring do not give way.
+frequencies (gamma = 1/2 + a, beta = (1 + a)^2 / 4); one recursion over a run serves values and tangents.
+Damping d = 1e-3 s kappa'(0), as gears have it (3 % of critical at 10 Hz): it decides where a resonance is
+crossed and nowhere else. A cubic spring enters by its secant. Axes without a declared spring do not give way.
 """
 
 import numpy as np
-from scipy.linalg import lapack
 
+from exactarm import _core
 from exactarm.chain.spring import declared_deflection
 from exactarm.robot.robot import Robot
 
@@ -75,7 +74,7 @@ class SpringResponse:
         for rows, first in zip(self.runs, self.still):
             still = by_q[rows] + np.eye(n) * stiffness[rows][:, axes, None]
             right = torque[rows][:, axes]
-            # The equation about row t stands in block row t + 1, whose unknown it gives.
+            # The equation about row t gives the unknown of row t + 1.
             blocks = [np.zeros_like(still) for _ in range(3)]
             blocks[2][:first] = still[:first]
             now, swings = slice(first - 1, -1), rows[first - 1 : -1]
@@ -85,8 +84,7 @@ class SpringResponse:
             mean = right.copy()
             mean[first:] = (_STIFF[0] * right[first - 2 : -2] + _STIFF[1] * right[now]
                             + _STIFF[2] * right[first:])
-            flat = mean.reshape(len(rows) * n, -1)
-            e[rows[:, None], axes] = _solved(blocks, flat).reshape(right.shape)
+            e[rows[:, None], axes] = _core.block_recursion(*blocks, mean)
         return e
 
 
@@ -109,19 +107,3 @@ def _positive(mass: np.ndarray) -> np.ndarray:
         values, vectors = np.linalg.eigh(mass)
         values = np.maximum(values, _LEAST_INERTIA * values[:, -1:])
         return (vectors * values[:, None, :]) @ np.swapaxes(vectors, 1, 2)
-
-
-def _solved(blocks, right: np.ndarray) -> np.ndarray:
-    """(N n, P) solution of a block matrix, whose blocks (N, n, n) stand two below, one below and on the
-    diagonal."""
-    count, n, _ = blocks[2].shape
-    below, above = 3 * n - 1, n - 1
-    band = np.zeros((count, n, 2 * below + above + 1))  # LAPACK's, column by column
-    for offset, block in enumerate(reversed(blocks)):
-        for j in range(n):
-            start = below + above + offset * n - j
-            band[: count - offset, j, start : start + n] = block[offset:, :, j]
-    *_, found, failed = lapack.dgbsv(below, above, band.reshape(count * n, -1).T, right, overwrite_ab=True)
-    if failed:
-        raise np.linalg.LinAlgError("singular matrix")
-    return found

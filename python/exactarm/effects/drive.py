@@ -22,17 +22,27 @@ _OUTPUT_SIDE = {"rate": "theta_dot", "angle": "theta"}
 _LEAST_SWING = 1e-3  # of the width
 
 
-def smooth_sign(rate: np.ndarray, width=SIGN_WIDTH_RAD_S, swing=0.0) -> tuple[np.ndarray, np.ndarray]:
-    """Mean of tanh(rate / width) over rate - swing ... rate + swing, and its slope by the rate.
+def smooth_sign(rate: np.ndarray, width=SIGN_WIDTH_RAD_S, swing=0.0) -> np.ndarray:
+    """Mean of tanh(rate / width) over rate - swing ... rate + swing.
 
     swing: how far the rate moves in half a sample. Without it a sharp reversal would jump at a sample,
     wherever between two of them it is.
     """
+    high, low, swing = _ends(rate, width, swing)
+    return width / (2.0 * swing) * (_log_cosh(high) - _log_cosh(low))
+
+
+def smooth_sign_slope(rate: np.ndarray, width=SIGN_WIDTH_RAD_S, swing=0.0) -> np.ndarray:
+    """Its slope by the rate."""
+    high, low, swing = _ends(rate, width, swing)
+    return (np.tanh(high) - np.tanh(low)) / (2.0 * swing)
+
+
+def _ends(rate: np.ndarray, width, swing) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Both ends of rate - swing ... rate + swing over the width, and the swing, never nothing."""
     width = np.broadcast_to(width, rate.shape)
     swing = np.maximum(np.broadcast_to(swing, rate.shape), _LEAST_SWING * width)
-    high, low = (rate + swing) / width, (rate - swing) / width
-    mean = width / (2.0 * swing) * (_log_cosh(high) - _log_cosh(low))
-    return mean, (np.tanh(high) - np.tanh(low)) / (2.0 * swing)
+    return (rate + swing) / width, (rate - swing) / width, swing
 
 
 def over_samples(view, index: int, law: Law | None = None) -> np.ndarray:
@@ -42,23 +52,22 @@ def over_samples(view, index: int, law: Law | None = None) -> np.ndarray:
     if found is not None:
         return found
     rate = view.signals["theta_dot"][:, index] / view.robot.controller_ratios[index]
-    sign = smooth_sign(rate, view.sign_width[index], view.swing[:, index])[0]
+    sign = smooth_sign(rate, view.sign_width[index], view.swing[:, index])
     return sign if law is None else law(sign, rate)
 
 
 def sign_slopes(view, index: int) -> tuple[np.ndarray, np.ndarray]:
     """(N,) each: slope of the sign of one axis (from 0) by its rate and by its angle, on the output side."""
     rate = view.signals["theta_dot"][:, index] / view.robot.controller_ratios[index]
-    by_rate = smooth_sign(rate, view.sign_width[index], view.swing[:, index])[1]
+    by_rate = smooth_sign_slope(rate, view.sign_width[index], view.swing[:, index])
     by_angle = view.sign_by_angle(index)
     return (by_rate, np.zeros_like(rate)) if by_angle is None else (np.zeros_like(rate), by_angle)
 
 
 def smooth_square(rate: np.ndarray, width=SIGN_WIDTH_RAD_S, swing=0.0) -> tuple[np.ndarray, np.ndarray]:
     """Mean of tanh(rate / width)^2 over the same, and its slope by the rate."""
-    width = np.broadcast_to(width, rate.shape)
-    swing = np.maximum(np.broadcast_to(swing, rate.shape), _LEAST_SWING * width)
-    high, low = np.tanh((rate + swing) / width), np.tanh((rate - swing) / width)
+    high, low, swing = _ends(rate, width, swing)
+    high, low = np.tanh(high), np.tanh(low)
     return 1.0 - width * (high - low) / (2.0 * swing), (high**2 - low**2) / (2.0 * swing)
 
 
