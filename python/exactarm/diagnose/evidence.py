@@ -9,8 +9,8 @@ sizes, V = I + B B':
     adding a block g:  H = S C_g' V^-1 C_g S,  y = S C_g' V^-1 r:
         log|V| += log|I + s^2 H|,   r' V^-1 r -= y' s^2 (I + s^2 H)^-1 y
 
-All blocks of one width are scored at once by the eigenvectors of H. A coefficient that cannot be negative
-multiplies by P(b > 0 | r) / P(b > 0).
+All blocks of one width are scored at once, at every s by one H of three diagonals. A coefficient that cannot
+be negative multiplies by P(b > 0 | r) / P(b > 0).
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from functools import cached_property
 import numpy as np
 from scipy import linalg, special
 
+from exactarm import _core
 from exactarm.diagnose.cross_validation import CrossValidation
 from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES, Vocabulary
 from exactarm.numerics.orthonormal import orthonormal
@@ -294,43 +295,37 @@ class Picture:
         cross, onto_r = self.factor(members)
         left = self.square - float(onto_r @ onto_r)
         y_all = self.onto - cross.T @ onto_r
-        count = len(self.vocabulary.blocks)
-        weight, scale, gain = np.full(count, -np.inf), np.zeros(count, int), np.zeros(count)
+        shape = len(SCALES), len(self.vocabulary.blocks)
+        gains, price, sided = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+        unseen = np.zeros(shape[1], bool)
         for k, indices in self.by_width.items():
             which, size, gram = self.stacked[k]
             part = cross[:, which.ravel()].reshape(len(cross), len(indices), k)
-            h = gram - np.einsum("agi,agj->gij", part, part, optimize=True) if len(cross) else gram
+            h = gram - np.matmul(part.transpose(1, 2, 0), part.transpose(1, 0, 2)) if len(cross) else gram
             h = h * size[:, :, None] * size[:, None, :]
             y = y_all[which] * size
-            values, vectors = np.linalg.eigh(h)
-            values = np.maximum(values, 0.0)
-            turned = np.einsum("gij,gi->gj", vectors, y)
-            square = SCALES[:, None, None] ** 2
-            shrink = square / (1.0 + square * values)  # (s, g, k)
-            gains = np.sum(shrink * turned**2, axis=2)
-            price = 0.5 * np.sum(np.log1p(square * values), axis=2)
-            ratio = np.log(np.maximum(1.0 - gains / max(left, 1e-300), 1e-12))
-            log_bf = -price - 0.5 * self.count * ratio
-            log_bf += self._one_sided(indices, shrink, vectors, turned, left - gains)
-            log_bf += np.log(SCALE_WEIGHTS)[:, None]
-            weight[indices] = special.logsumexp(log_bf, axis=0) + self.log_prior[indices]
-            best = np.argmax(log_bf, axis=0)
-            scale[indices], gain[indices] = best, gains[best, np.arange(len(indices))]
-            dead = np.einsum("gii->g", h) < _INVISIBLE**2
-            weight[indices[dead]] = -np.inf
+            gains[:, indices], price[:, indices] = _core.gains_by_scale(h, y, SCALES**2)
+            for place in np.flatnonzero(self.has_positive[indices]):
+                index = indices[place]
+                sided[:, index] = self._one_sided(index, h[place], y[place], left - gains[:, index])
+            unseen[indices] = np.einsum("gii->g", h) < _INVISIBLE**2
+        ratio = np.log(np.maximum(1.0 - gains / max(left, 1e-300), 1e-12))
+        log_bf = sided - price - 0.5 * self.count * ratio + np.log(SCALE_WEIGHTS)[:, None]
+        best = np.argmax(log_bf, axis=0)
+        weight = special.logsumexp(log_bf, axis=0) + self.log_prior
+        weight[unseen] = -np.inf
         weight[list(self.closed)] = -np.inf
-        return Additions(weight, scale, gain)
+        return Additions(weight, best, gains[best, np.arange(shape[1])])
 
-    def _one_sided(self, indices, shrink, vectors, turned, left) -> np.ndarray:
-        """(s, g) log of P(b > 0 | r) / P(b > 0), summed over the coefficients that cannot be negative."""
-        out = np.zeros(shrink.shape[:2])
-        for place in np.flatnonzero(self.has_positive[indices]):
-            for j in np.flatnonzero(self.vocabulary.blocks[indices[place]].positive):
-                row = vectors[place, j]
-                mean = np.sum(row * shrink[:, place] * turned[place], axis=1)
-                variance = np.sum(row**2 * shrink[:, place], axis=1) * left[:, place] / self.count
-                out[:, place] += special.log_ndtr(mean / np.sqrt(np.maximum(variance, 1e-300))) + np.log(2.0)
-        return out
+    def _one_sided(self, index: int, h: np.ndarray, y: np.ndarray, left: np.ndarray) -> np.ndarray:
+        """(s,) log of P(b > 0 | r) / P(b > 0), summed over the coefficients that cannot be negative."""
+        values, vectors = np.linalg.eigh(h)
+        square = SCALES[:, None] ** 2
+        shrink, turned = square / (1.0 + square * np.maximum(values, 0.0)), y @ vectors
+        rows = vectors[self.vocabulary.blocks[index].positive]
+        mean = (shrink * turned) @ rows.T
+        variance = shrink @ (rows**2).T * left[:, None] / self.count
+        return np.sum(special.log_ndtr(mean / np.sqrt(np.maximum(variance, 1e-300))) + np.log(2.0), axis=1)
 
 
 def compressed(columns: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
