@@ -83,31 +83,38 @@ class Camera(Contact):
         return tuple((exp(values[where][:3]) @ np.asarray(reference), values[where][3:])
                      for where, reference in ((_MOUNT, self.mount), (_WORLD, self.world)))
 
-    def _seen(self, view, at):
-        """The corner in the camera's axes (K, 3), by a displacement of the target, by M and W (K, 3, 6) each,
-        by the square (K, 3)."""
+    def _seen(self, view, at: np.ndarray) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
+        """The corner in the camera's axes (K, 3), and on the way there: on the board in squares; the target's
+        rotation; the corner from what stands still, from the target and from what the flange carries."""
         unit = self.setup.corner(view.data.corner[at])
         corner = self.values[SQUARE] * unit
         turned, place = _targets(view, at)
         (mount, m), (world, w) = self.frames()
-        values = np.asarray(self.values)
-        turns = [left_jacobian(values[where][:3]) for where in (_MOUNT, _WORLD)]
         if self.setup.on_flange:
             at_rest = corner @ world.T
             arm = at_rest + w - place
-            to_camera = mount.T @ np.swapaxes(turned, -1, -2)
             held = np.einsum("kji,kj->ki", turned, arm) - m
-            seen = held @ mount
+            return held @ mount, (unit, turned, at_rest, arm, held)
+        held = corner @ mount.T
+        arm = np.einsum("kij,kj->ki", turned, held + m)
+        at_rest = arm + place - w
+        return at_rest @ world, (unit, turned, at_rest, arm, held)
+
+    def _seen_with_slopes(self, view, at: np.ndarray) -> tuple[np.ndarray, ...]:
+        """The corner in the camera's axes (K, 3), by a displacement of the target, by M and W (K, 3, 6) each,
+        by the square (K, 3)."""
+        seen, (unit, turned, at_rest, arm, held) = self._seen(view, at)
+        (mount, _), (world, _) = self.frames()
+        values = np.asarray(self.values)
+        turns = [left_jacobian(values[where][:3]) for where in (_MOUNT, _WORLD)]
+        if self.setup.on_flange:
+            to_camera = mount.T @ np.swapaxes(turned, -1, -2)
             by_target = np.concatenate([-to_camera, to_camera @ skew(arm)], axis=2)
             by_mount = np.concatenate([mount.T @ skew(held) @ turns[0],
                                        np.tile(-mount.T, (len(at), 1, 1))], axis=2)
             by_world = np.concatenate([-to_camera @ skew(at_rest) @ turns[1], to_camera], axis=2)
             by_square = np.einsum("kij,kj->ki", to_camera @ world, unit)
         else:
-            held = corner @ mount.T
-            arm = np.einsum("kij,kj->ki", turned, held + m)
-            at_rest = arm + place - w
-            seen = at_rest @ world
             to_camera = np.tile(world.T, (len(at), 1, 1))
             by_target = np.concatenate([to_camera, -to_camera @ skew(arm)], axis=2)
             by_mount = np.concatenate([-to_camera @ turned @ skew(held) @ turns[0], to_camera @ turned],
@@ -117,7 +124,7 @@ class Camera(Contact):
         return seen, by_target, by_mount, by_world, by_square
 
     def numbers_at(self, view, at):
-        seen, by_target, by_mount, by_world, by_square = self._seen(view, at)
+        seen, by_target, by_mount, by_world, by_square = self._seen_with_slopes(view, at)
         pixels, by_seen, by_lens = project(seen, np.asarray(self.values[_LENS]))
         by_values = np.concatenate([by_seen @ by_mount, by_seen @ by_world, by_seen @ by_square[:, :, None],
                                     by_lens], axis=2)

@@ -16,6 +16,7 @@ import numpy as np
 LENS = ("fx_px", "fy_px", "cx_px", "cy_px", "k1", "k2", "p1", "p2", "k3")
 _NEAREST_M = 1e-6  # what lies nearer or behind is taken there: a search may pass by
 _PASSES = 30  # of Newton's method for the inverse: a handful do
+_THERE = 1e-14  # of the same: one step more is rounding
 _CLOSE = 1e-9  # of the inverse, times the distance from the axis or 1
 
 
@@ -44,8 +45,10 @@ def undistorted(pixels: np.ndarray, lens: np.ndarray) -> np.ndarray:
     with np.errstate(all="ignore"):  # where the lens folds the picture, a step leads anywhere
         for _ in range(_PASSES):
             bent, slope, _ = _bent(flat, lens[4:])
-            (a, b), (c, d) = slope[:, 0].T, slope[:, 1].T
             away = bent - goal
+            if not np.any(np.abs(away) > _THERE * (1.0 + np.abs(goal))):  # what is no number stays none
+                break
+            (a, b), (c, d) = slope[:, 0].T, slope[:, 1].T
             step = np.stack([d * away[:, 0] - b * away[:, 1], a * away[:, 1] - c * away[:, 0]], axis=1)
             flat = flat - step / (a * d - b * c)[:, None]
         bent, slope, _ = _bent(flat, lens[4:])
