@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 from fnmatch import fnmatch
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -29,17 +30,12 @@ from exactarm.verify import held_out
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from robustness.same_numbers import EQUAL, differences
-from robustness.short_runs import RUNS, environment, prepare, words_of
+from robustness.short_runs import OTHER_PROCESSOR, RUNS, environment, prepare, words_of
 
 PACKAGE, WATCHED = Path(cli.__file__).parents[1], Path(__file__).parents[1] / "robustness/watched.py"
 PARTS = {"batch": ["*/*"], "demo": ["*/*"]}  # folders that commands of their own write
 CHANGES = ("run", "seconds", "files", "asked", "pdf")  # keys of result.json that a second run has anew
 PLANNED_IN = r"iterations and [0-9.]+ \w*s\b"  # how long a plan took, in a verdict
-# As on a machine without wide registers and fused multiplications, for OpenBLAS, NumPy and the C library.
-OTHER_PROCESSOR = {
-    "OPENBLAS_CORETYPE": "Nehalem", "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR",
-    "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-AVX512F,-AVX512VL,-FMA",
-}
 LEAST_FILE = 4096  # bytes that a file may have on the full disk
 
 
@@ -49,6 +45,12 @@ def folder(tmp_path_factory):
     prepare(made)
     (made / "tmp").mkdir()
     return made
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory):
+    """Where all runs that are compared write, one after the other."""
+    return tmp_path_factory.mktemp("compared") / "out"
 
 
 def run(command: str, folder: Path, out: Path, program: list[str], threads: int, **variables: str):
@@ -83,55 +85,48 @@ def content(out: Path) -> dict[str, object]:
     return found
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("command", RUNS)
-def test_a_command_gives_the_same_bits_and_touches_nothing_else(command, folder, tmp_path):
-    program = [str(WATCHED), f"{folder}{os.pathsep}{tmp_path}"]
-    found = []
-    for threads in (1, 2):
-        done = run(command, folder, tmp_path / "out", program, threads, PYTHONHASHSEED=str(threads),
-                   TMPDIR=str(folder / "tmp"))
-        assert (done.returncode, done.stderr) == (0, "")
-        found.append(content(tmp_path / "out"))
-        module, words = import_command(command), words_of(command, folder, tmp_path / "out")
-        declared = may_write(module, parse(module, words[1:])) + PARTS.get(command, [])
-        written = [path.relative_to(tmp_path / "out").as_posix() for path in (tmp_path / "out").rglob("*")
-                   if path.is_file() and path.name != WRITTEN]
-        assert [name for name in written if not any(fnmatch(name, each) for each in declared)] == []
-        shutil.rmtree(tmp_path / "out")
-    assert len(found[0]) > 0 and found[0].keys() == found[1].keys()
-    assert [name for name in found[0] if found[0][name] != found[1][name]] == []
+def watched(command: str, folder: Path, out: Path, threads: int) -> dict[str, object]:
+    """What a run leaves that may touch nothing but its folders and write nothing but what it declares."""
+    done = run(command, folder, out, [str(WATCHED), f"{folder}{os.pathsep}{out.parent}"], threads,
+               PYTHONHASHSEED=str(threads), TMPDIR=str(folder / "tmp"))
+    assert (done.returncode, done.stderr) == (0, "")
+    module, words = import_command(command), words_of(command, folder, out)
+    declared = may_write(module, parse(module, words[1:])) + PARTS.get(command, [])
+    written = [path.relative_to(out).as_posix() for path in out.rglob("*")
+               if path.is_file() and path.name != WRITTEN]
+    assert [name for name in written if not any(fnmatch(name, each) for each in declared)] == []
+    found = content(out)
+    shutil.rmtree(out)
+    assert len(found) > 0
+    return found
+
+
+@pytest.fixture(scope="module")
+def in_one_thread(folder, out):
+    """command -> what its watched run in one thread leaves; every command runs once."""
+    return cache(lambda command: watched(command, folder, out, 1))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("command", RUNS)
-def test_another_processor_gives_the_same_numbers(command, folder, tmp_path):
-    found = []
-    for variables in ({}, OTHER_PROCESSOR):
-        done = run(command, folder, tmp_path / "out", ["-m", "exactarm"], 1, **variables)
-        assert (done.returncode, done.stderr) == (0, "")
-        found.append({name: told for name, told in content(tmp_path / "out").items()
-                      if Path(name).name == "result.json"})
-        shutil.rmtree(tmp_path / "out")
-    assert len(found[0]) > 0
-    assert [words for size, words in differences(*found) if size > EQUAL] == []
+def test_a_command_gives_the_same_bits_and_touches_nothing_else(command, folder, out, in_one_thread):
+    one, two = in_one_thread(command), watched(command, folder, out, 2)
+    assert one.keys() == two.keys()
+    assert [name for name in one if one[name] != two[name]] == []
 
 
 @pytest.mark.slow
-def test_another_processor_names_the_same_causes_of_a_measured_motion(folder, tmp_path):
-    """Two of the TX40's causes changed places, for columns of rounding decided how friction turns over."""
-    found = []
-    for variables in ({}, OTHER_PROCESSOR):
-        words = ["diagnose", "tx40", "tx40/motion", "--out", str(tmp_path), "--threads", "1", "--quiet"]
-        done = subprocess.run([sys.executable, "-m", "exactarm", *words], timeout=1800, text=True,
-                              env=environment(PACKAGE, folder) | variables, capture_output=True)
-        assert (done.returncode, done.stderr) == (0, "")
-        told = json.loads((tmp_path / "result.json").read_text())
-        found.append([(e["effect"], e["joint"], [p["value"] for p in e["parameters"].values()])
-                      for e in told["effects"]])
-    assert [each[:2] for each in found[0]] == [each[:2] for each in found[1]]
-    for one, other in zip(*found):
-        np.testing.assert_allclose(other[2], one[2], rtol=1e-6)
+@pytest.mark.parametrize("command", RUNS)
+def test_another_processor_gives_the_same_numbers(command, folder, out, in_one_thread):
+    one = in_one_thread(command)
+    done = run(command, folder, out, ["-m", "exactarm"], 1, **OTHER_PROCESSOR)
+    assert (done.returncode, done.stderr) == (0, "")
+    other = content(out)
+    shutil.rmtree(out)
+    one, other = ({name: told for name, told in each.items() if Path(name).name == "result.json"}
+                  for each in (one, other))
+    assert len(one) > 0
+    assert [words for size, words in differences(one, other) if size > EQUAL] == []
 
 
 @pytest.mark.slow

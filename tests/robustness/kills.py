@@ -7,7 +7,7 @@ with the SHA-256 that it names) or none; what `accept` puts into the user's libr
 the next run into the same folder ends well and leaves nothing of the killed ones.
 
 Half of the moments lie anywhere, half in the last tenth of a run, where files are written. Runs are forked
-from this process once it has imported what a whole run imports, so that the moments lie in the work.
+from this process once it has imported what a run imports, so that the moments lie in the work.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import importlib
 import json
 import multiprocessing
 import os
+import pkgutil
 import signal
 import sys
 import tempfile
@@ -34,6 +35,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+import exactarm
 from exactarm import cli
 from exactarm.files.toml_file import read_toml
 from robustness.short_runs import RUNS, environment, prepare, words_of
@@ -75,13 +77,12 @@ class Killed:
 
 
 def _run(command: str, folder: Path) -> None:
-    """The short run, in a process and a group of its own; the names of what it imported are left behind."""
+    """The short run, in a process and a group of its own."""
     os.setsid()
     os.environ.update(environment(PACKAGE, folder))
     with (folder / "told").open("w") as told, contextlib.redirect_stdout(told), \
             contextlib.redirect_stderr(told):
         code = cli.main(words_of(command, folder, folder / "out" / command))
-    (folder / "modules").write_text("\n".join(sys.modules))
     sys.exit(code)
 
 
@@ -107,10 +108,11 @@ def _whole_run(command: str, folder: Path) -> float:
     return time.monotonic() - began
 
 
-def _import_as_a_run(folder: Path) -> None:
-    for name in (folder / "modules").read_text().split():
-        with contextlib.suppress(ImportError):
-            importlib.import_module(name)
+def _import_as_runs() -> None:
+    """What any run imports: a process that has started no thread and read no table."""
+    for module in pkgutil.walk_packages(exactarm.__path__, "exactarm."):
+        if not module.name.endswith("__main__"):
+            importlib.import_module(module.name)
 
 
 def _library_faults(folder: Path) -> list[str]:
@@ -127,8 +129,6 @@ def _library_faults(folder: Path) -> list[str]:
 
 def kills(command: str, count: int, folder: Path, random: np.random.Generator) -> Iterator[Killed]:
     """`count` kills of the short run of `command` in a prepared `folder`, then a run that ends well."""
-    _whole_run(command, folder)
-    _import_as_a_run(folder)
     longest = _whole_run(command, folder)
     for number in range(count):
         after = longest * random.uniform(LATE if number % 2 else 0.0, 1.0)
@@ -156,6 +156,7 @@ def main() -> int:
     failed = 0
     with tempfile.TemporaryDirectory() as temporary:
         _forked(prepare, Path(temporary)).join()
+        _import_as_runs()
         for command in arguments.commands or RUNS:
             random = np.random.default_rng([arguments.seed, list(RUNS).index(command)])
             done = list(kills(command, arguments.count, Path(temporary), random))

@@ -18,7 +18,7 @@ RUNS: dict[str, tuple[str, ...]] = {
                    "--keep-refused"),
     "corners": ("ur10", "joints.csv", "board.png", "--fixture", "board.toml"),
     "demo": ("--steps", "racer_plan"),
-    "design": ("racer-7-1.4", "--count", "12", "--validation", "4"),
+    "design": ("racer-7-1.4", "--count", "20", "--validation", "4"),
     "diagnose": ("ur10", "poses.csv"),
     "evaluate": ("ur10", "poses.csv"),
     "export": ("ur10", "--format", "urdf"),
@@ -31,6 +31,12 @@ RUNS: dict[str, tuple[str, ...]] = {
     "plan": ("racer-7-1.4", "path.toml"),
     "simulate": ("racer-7-1.4", "--measure", "motion", "--runs", "1", "--seconds", "2"),
     "study": ("racer-7-1.4", "path.toml", "--nu", "1e-12,1e-9"),
+}
+
+# As on a machine without wide registers and fused multiplications, for OpenBLAS, NumPy and the C library.
+OTHER_PROCESSOR = {
+    "OPENBLAS_CORETYPE": "Nehalem", "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR",
+    "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-AVX512F,-AVX512VL,-FMA",
 }
 
 
