@@ -250,13 +250,14 @@ class Fitted:
         return found
 
     def _scanned_together(self, block: list[tuple[Effect, np.ndarray]]) -> list[Products]:
-        responses = self.columns_of([effect for effect, _ in block])
-        columns = [each[:, mask] for each, (_, mask) in zip(responses, block)]
-        stacked = np.concatenate(columns, axis=1)
+        responses = self.responses_of([effect for effect, _ in block])
+        free = [each[:, :, mask] for each, (_, mask) in zip(responses, block)]
+        stacked = self.whiten(np.concatenate(free, axis=2))
         absorbed, onto = self.basis.T @ stacked, self.free_residual @ stacked  # r is clear of the basis
         found, at = [], 0
-        for part in columns:
-            where = slice(at, at := at + part.shape[1])
+        for width in (each.shape[2] for each in free):
+            where = slice(at, at := at + width)
+            part = stacked[:, where]
             found.append(Products.of(part.T @ part, absorbed[:, where], onto[where]))
         return found
 

@@ -50,21 +50,22 @@ class TrackedFitted(Fitted):
     """Columns of most effects straight from their station; what changes the load goes through the springs."""
 
     def responses_of(self, effects: list[Effect]) -> list[np.ndarray]:
-        return [self._response(effect)[:, :3] for effect in effects]
+        return [self._response(effect) for effect in effects]
 
     def _response(self, effect: Effect) -> np.ndarray:
         view = self.view
         if effect.station == Station.LOAD:
-            return view.response(effect)
+            return view.response(effect)[:, :3]
         change = effect.change(view)
         columns, moved = list(change.columns), change.by_parameters
         if effect.station in (Station.GEOMETRY, Station.DEVICE):
             response = np.zeros((view.rows, 6, moved.shape[2]))
             response[:, columns] = moved
-            return response
+            return response[:, :3]
         if effect.station == Station.MOTOR:
             moved = moved / view.robot.ratios[columns, None]
-        return view.target_by("q")[:, :, columns] @ moved
+        slope = view.target_by("q")[:, :3, columns]
+        return slope * moved if len(columns) == 1 else slope @ moved
 
 
 class TrackedProblem(ProblemInTime):
