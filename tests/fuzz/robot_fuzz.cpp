@@ -1,6 +1,8 @@
 // Coverage-guided fuzzing (libFuzzer) of what the bindings call: any numbers in an arm, a gear, a pose or
 // samples. The property: the call returns or throws InvalidArgument; no report of the sanitizers, no timeout.
+#include "exactarm/base/block_recursion.hpp"
 #include "exactarm/base/derivative.hpp"
+#include "exactarm/base/prior_scales.hpp"
 #include "exactarm/robot/dynamics.hpp"
 #include "exactarm/robot/gear.hpp"
 #include "exactarm/robot/gear_profile.hpp"
@@ -47,6 +49,16 @@ void records(Numbers& from) {
   profile_normal({angle, factor, from.vector(count), from.flag()}, table, from.number(), from.flag());
 }
 
+void blocks(Numbers& from) {
+  const long rows = from.whole(0, kMostRows), n = from.whole(0, 8), columns = from.whole(0, 8);
+  const RowMatrix a = from.matrix(rows, n * n), b = from.matrix(rows, n * n), d = from.matrix(rows, n * n),
+                  y = from.matrix(rows, n);
+  RowMatrix x = from.matrix(rows, n * columns), gains(2, rows), prices(2, rows);
+  block_recursion(a.data(), b.data(), d.data(), rows, n, columns, x.data());
+  const double squares[] = {from.number(), 1.0};
+  gains_by_scale(d.data(), y.data(), rows, n, squares, 2, gains.data(), prices.data());
+}
+
 void robots(Numbers& from) {
   const Robot robot(from.description());
   const long n = robot.axes(), rows = from.whole(0, kMostRows);
@@ -86,5 +98,5 @@ void inverse(Numbers& from) {
 
 extern "C" int LLVMFuzzerTestOneInput(const uint8_t* data, size_t size) {
   using namespace exactarm::fuzz;
-  return run(std::array<Entry, 4>{gears, records, robots, inverse}, data, size);
+  return run(std::array<Entry, 5>{gears, records, robots, inverse, blocks}, data, size);
 }
