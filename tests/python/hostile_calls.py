@@ -126,8 +126,10 @@ class Hostile:
             return np.sort(np.abs(self.rng.normal(size=20)))
         if name in ("rotation", "inertia"):
             return np.eye(3)
-        if name in ("position", "centre_of_mass", "gravity"):
+        if name in ("position", "centre_of_mass", "gravity", "squares"):
             return self.rng.normal(size=3)
+        if name in ("gram", "diagonal", "last", "before_last", "right"):
+            return self.rng.normal(size=(20, n, n))
         return self.rng.normal(size=(20, n))
 
     def robot(self) -> _core.Robot:

@@ -35,7 +35,7 @@ def found(*changes: tuple[object, ...]) -> list[str]:
     ("probability", 0.5 + 1e-8), ("detectable", [{"parameter": "d_1", "size": 1e-3 + 1e-11}]),
     ("detectable", [{"parameter": "d_2", "size": 1e-3}]),
     ("detectable", []), ("singular_values", [3.0]), ("more", 1), ("tracking", "max", 1.1e-5),
-    ("path", "max", 1e-5 + 1e-11),
+    ("path", "max", 1e-5 + 1e-11), ("probability", float("nan")),
 ], ids=str)
 def test_what_differs_is_found(change):
     assert found(change) != []

@@ -7,6 +7,7 @@ differ by no more than the largest one of the matrices' difference (Weyl 1912).
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator
 
@@ -51,7 +52,9 @@ def differences(ours: object, others: object, place: str = "",
         for index, (one, other) in enumerate(zip(ours, others, strict=False)):
             yield from differences(one, other, f"{place}[{index}]", scale, rest)
     elif isinstance(ours, float) and isinstance(others, (int, float)):
-        if abs(ours - others) > rest:
-            yield abs(ours - others) / max(scale, abs(ours)), f"{place}: {ours!r} and {others!r}"
+        size = abs(ours - others)
+        if not size <= rest:  # what is no number is never equal
+            yield (size / max(scale, abs(ours)) if math.isfinite(size) else math.inf,
+                   f"{place}: {ours!r} and {others!r}")
     elif ours != others and SECONDS.sub("", str(ours)) != SECONDS.sub("", str(others)):
         yield float("inf"), f"{place}: {ours!r} and {others!r}"
