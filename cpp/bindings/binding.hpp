@@ -26,6 +26,9 @@ class ReleasedGil {
   PyThreadState* state_;
 };
 
+// Doubles of any shape, C-contiguous; others are copied.
+using Values = py::array_t<double, py::array::c_style | py::array::forcecast>;
+
 // New C-contiguous array of doubles.
 template <class... Sizes>
 py::array_t<double> new_array(Sizes... sizes) {

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <stdexcept>
 
 #include "exactarm/base/block_recursion.hpp"
 #include "exactarm/base/check.hpp"
@@ -7,16 +8,10 @@
 #include "binding.hpp"
 
 namespace exactarm::bindings {
-namespace {
-
-using Blocks = py::array_t<double, py::array::c_style | py::array::forcecast>;
-
-}  // namespace
-
 void bind_blocks(py::module_& module) {
   module.def(
       "block_recursion",
-      [](const Blocks& before_last, const Blocks& last, const Blocks& diagonal, const Blocks& right) {
+      [](const Values& before_last, const Values& last, const Values& diagonal, const Values& right) {
         if (diagonal.ndim() != 3 || right.ndim() != 3 || diagonal.shape(1) != diagonal.shape(2) ||
             right.shape(0) != diagonal.shape(0) || right.shape(1) != diagonal.shape(1))
           throw InvalidArgument("diagonal, right: expected blocks (N, n, n) and right sides (N, n, P)");
@@ -32,14 +27,14 @@ void bind_blocks(py::module_& module) {
           const ReleasedGil released;
           solved = block_recursion(a, b, d, rows, n, columns, result);
         }
-        if (!solved) throw InvalidArgument("diagonal: expected blocks that are not singular");
+        if (!solved) throw std::runtime_error("a block of the diagonal is singular");
         return x;
       },
       py::arg("before_last"), py::arg("last"), py::arg("diagonal"), py::arg("right"),
       "x (N, n, P) of diagonal_t x_t = right_t - last_t x_(t-1) - before_last_t x_(t-2); blocks (N, n, n).");
   module.def(
       "gains_by_scale",
-      [](const Blocks& gram, const Blocks& y, const Blocks& squares) {
+      [](const Values& gram, const Values& y, const Values& squares) {
         if (gram.ndim() != 3 || gram.shape(1) != gram.shape(2) || y.ndim() != 2 || squares.ndim() != 1 ||
             y.shape(0) != gram.shape(0) || y.shape(1) != gram.shape(1))
           throw InvalidArgument("gram, y, squares: expected (g, k, k), (g, k) and (s,)");

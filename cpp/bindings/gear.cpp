@@ -7,12 +7,11 @@
 namespace exactarm::bindings {
 namespace {
 
-using Angles = py::array_t<double, py::array::c_style | py::array::forcecast>;
 
 constexpr py::ssize_t kAnglesBetweenChecks = 4096;  // for a signal
 
 template <class Function>
-py::array_t<double> each(const Angles& angles, const Function& function) {
+py::array_t<double> each(const Values& angles, const Function& function) {
   py::array_t<double> out(std::vector<py::ssize_t>(angles.shape(), angles.shape() + angles.ndim()));
   const double* in = angles.data();
   double* result = out.mutable_data();
@@ -30,14 +29,14 @@ py::array_t<double> each(const Angles& angles, const Function& function) {
 void bind_gear(py::module_& module) {
   module.def(
       "gear_motor_angle",
-      [](double ratio, const GearTable& table, const Angles& phi) {
+      [](double ratio, const GearTable& table, const Values& phi) {
         return each(phi, [&](double angle) { return gear_motor_angle(ratio, table, angle); });
       },
       py::arg("ratio"), py::arg("table"), py::arg("phi"),
       "Xi(phi): motor angle of each output angle, any shape.");
   module.def(
       "gear_output_angle",
-      [](double ratio, const GearTable& table, const Angles& theta) {
+      [](double ratio, const GearTable& table, const Values& theta) {
         require_gear("gear", ratio, table);
         return each(theta, [&](double angle) { return gear_output_angle(ratio, table, angle); });
       },
@@ -45,7 +44,7 @@ void bind_gear(py::module_& module) {
       "Xi^{-1}(theta): output angle of each motor angle.");
   module.def(
       "gear_outputs",
-      [](double ratio, const GearTable& table, const Angles& theta) {
+      [](double ratio, const GearTable& table, const Values& theta) {
         require_gear("gear", ratio, table);
         auto phi = new_array(theta.size()), u = new_array(theta.size());
         const double* in = theta.data();
@@ -61,7 +60,7 @@ void bind_gear(py::module_& module) {
       "Xi^{-1}(theta) (N,) and u there (N,), eight at once.");
   module.def(
       "gear_ratio",
-      [](double ratio, const GearTable& table, const Angles& phi, int order) {
+      [](double ratio, const GearTable& table, const Values& phi, int order) {
         gear_ratio(ratio, table, 0.0, order);  // refuses a wrong order before the loop
         return each(phi, [&](double angle) { return gear_ratio(ratio, table, angle, order); });
       },

@@ -4,16 +4,10 @@
 #include "exactarm/base/check.hpp"
 
 namespace exactarm::bindings {
-namespace {
-
-using Row = py::array_t<double, py::array::c_style | py::array::forcecast>;
-
-}  // namespace
-
 void bind_harmonics(py::module_& module) {
   module.def(
       "delivered_angle",
-      [](const Row& phi, const Vector& order, const Vector& a, const Vector& b, const Row& factor,
+      [](const Values& phi, const Vector& order, const Vector& a, const Vector& b, const Values& factor,
          double tolerance, int threads) {
         const GearTable table(order, a, b);
         if (factor.size()) require_size("factor", factor.size(), phi.size());
@@ -32,7 +26,7 @@ void bind_harmonics(py::module_& module) {
       "x (N,) with x + factor e(x) = phi, factor empty for 1, and the slope s(x) of e there.");
   module.def(
       "transmission",
-      [](const Row& x, const Vector& order, const Vector& a, const Vector& b, int threads) {
+      [](const Values& x, const Vector& order, const Vector& a, const Vector& b, int threads) {
         const GearTable table(order, a, b);
         auto error = new_array(x.size()), slope = new_array(x.size());
         const double* in = x.data();
@@ -48,7 +42,7 @@ void bind_harmonics(py::module_& module) {
       "Transmission error e (N,) and its slope s (N,) at the output angles x.");
   module.def(
       "waves",
-      [](const Row& x, const Vector& order) {
+      [](const Values& x, const Vector& order) {
         auto sine = new_array(x.size(), order.size()), cosine = new_array(x.size(), order.size());
         const double* in = x.data();
         double *s = sine.mutable_data(), *c = cosine.mutable_data();

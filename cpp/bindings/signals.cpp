@@ -5,16 +5,10 @@
 #include "binding.hpp"
 
 namespace exactarm::bindings {
-namespace {
-
-using Samples = py::array_t<double, py::array::c_style | py::array::forcecast>;
-
-}  // namespace
-
 void bind_signals(py::module_& module) {
   module.def(
       "derivative",
-      [](const Samples& values, const Samples& time, const std::vector<long>& starts) {
+      [](const Values& values, const Values& time, const std::vector<long>& starts) {
         if (values.ndim() == 0) throw InvalidArgument("values: expected samples (N, ...), found one number");
         const long rows = values.shape(0), columns = rows ? values.size() / rows : 0;
         require_size("time", time.size(), rows);
@@ -31,7 +25,7 @@ void bind_signals(py::module_& module) {
       "d/dt of samples (N, ...) at time (N,), block by block from each row in starts on.");
   module.def(
       "stop_operator",
-      [](const Samples& motion, double reach) {
+      [](const Values& motion, double reach) {
         auto memory = new_array(motion.size()), by_reach = new_array(motion.size());
         stop_operator(motion.data(), motion.size(), reach, memory.mutable_data(), by_reach.mutable_data());
         return std::make_pair(memory, by_reach);

@@ -2,34 +2,25 @@
 
 #include <gtest/gtest.h>
 
-#include <random>
-
-#include "exactarm/base/types.hpp"
+#include "random_states.hpp"
 
 namespace exactarm {
 namespace {
 
 constexpr long kRows = 9, kAxes = 3, kColumns = 5;
 
-RowMatrix drawn(long rows, long columns, unsigned seed) {
-  std::mt19937 engine(seed);
-  std::normal_distribution<double> normal;
-  RowMatrix found(rows, columns);
-  for (long i = 0; i < found.size(); ++i) found.data()[i] = normal(engine);
-  return found;
-}
-
 TEST(BlockRecursion, SolvesTheWholeSystem) {
-  const RowMatrix before_last = drawn(kRows * kAxes, kAxes, 1), last = drawn(kRows * kAxes, kAxes, 2),
-                  diagonal = drawn(kRows * kAxes, kAxes, 3);
+  testing::Random random(91);
+  const auto blocks = [&] { return random.matrix(kRows * kAxes, kAxes); };
+  const RowMatrix before_last = blocks(), last = blocks(), diagonal = blocks();
   RowMatrix whole = RowMatrix::Zero(kRows * kAxes, kRows * kAxes);
   for (long t = 0; t < kRows; ++t) {
-    const auto rows = [&](const RowMatrix& blocks) { return blocks.middleRows(t * kAxes, kAxes); };
+    const auto rows = [&](const RowMatrix& all) { return all.middleRows(t * kAxes, kAxes); };
     whole.block(t * kAxes, t * kAxes, kAxes, kAxes) = rows(diagonal);
     if (t > 0) whole.block(t * kAxes, (t - 1) * kAxes, kAxes, kAxes) = rows(last);
     if (t > 1) whole.block(t * kAxes, (t - 2) * kAxes, kAxes, kAxes) = rows(before_last);
   }
-  const RowMatrix right = drawn(kRows * kAxes, kColumns, 4);
+  const RowMatrix right = random.matrix(kRows * kAxes, kColumns);
   RowMatrix x = right;
   ASSERT_TRUE(
       block_recursion(before_last.data(), last.data(), diagonal.data(), kRows, kAxes, kColumns, x.data()));

@@ -3,29 +3,21 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
-#include <random>
 
-#include "exactarm/base/types.hpp"
+#include "random_states.hpp"
 
 namespace exactarm {
 namespace {
 
 const Vector kSquares = (Vector(3) << 0.01, 1.0, 1e4).finished();
 
-RowMatrix drawn(long rows, long columns, unsigned seed) {
-  std::mt19937 engine(seed);
-  std::normal_distribution<double> normal;
-  RowMatrix found(rows, columns);
-  for (long i = 0; i < found.size(); ++i) found.data()[i] = normal(engine);
-  return found;
-}
-
 TEST(PriorScales, AgreeWithTheEigenvalues) {
   const long blocks = 4;
+  testing::Random random(92);
   for (long k : {1, 2, 3, 7, 20}) {
-    RowMatrix gram(blocks * k, k), y = drawn(blocks, k, 5), gains(3, blocks), prices(3, blocks);
+    RowMatrix gram(blocks * k, k), y = random.matrix(blocks, k), gains(3, blocks), prices(3, blocks);
     for (long b = 0; b < blocks; ++b) {
-      const RowMatrix columns = drawn(k + b, k, 10 * k + b);
+      const RowMatrix columns = random.matrix(k + b, k);
       gram.middleRows(b * k, k) = columns.transpose() * columns;
     }
     gains_by_scale(gram.data(), y.data(), blocks, k, kSquares.data(), 3, gains.data(), prices.data());

@@ -29,6 +29,9 @@ class Random {
     for (long i = 0; i < size; ++i) v[i] = uniform(-bound, bound);
     return v;
   }
+  RowMatrix matrix(long rows, long columns, double bound = 1.0) {
+    return vector(rows * columns, bound).reshaped<Eigen::RowMajor>(rows, columns);
+  }
   Pose pose() { return {rotation_exp(vector(3, 2.0)), vector(3, 1.0)}; }
 
  private:

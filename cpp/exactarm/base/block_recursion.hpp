@@ -1,7 +1,7 @@
 // A block lower triangular system with two blocks below the diagonal, row by row:
 //   D_t x_t = r_t - B_t x_{t-1} - A_t x_{t-2}
-// Blocks (rows, n, n), right sides and solution (rows, n, columns), all row by row; Gaussian elimination with
-// partial pivoting in D_t. The same bits wherever the memory lies.
+// Blocks (rows, n, n), right sides and solution (rows, n, columns), all row by row. The same bits wherever
+// the memory lies.
 #pragma once
 
 namespace exactarm {

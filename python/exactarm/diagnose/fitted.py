@@ -205,11 +205,7 @@ class Fitted:
 
     def columns(self, effect: Effect) -> np.ndarray:
         """(N m + r, k) whitened response to the parameters of an effect that is not in the layout."""
-        return self.columns_of([effect])[0]
-
-    def columns_of(self, effects: list[Effect]) -> list[np.ndarray]:
-        """The same of several effects, each as if it were alone."""
-        return [self.whiten(response) for response in self.responses_of(effects)]
+        return self.whiten(self.responses_of([effect])[0])
 
     def responses_of(self, effects: list[Effect]) -> list[np.ndarray]:
         """(N, m, k) of each effect that is not in the layout: the measurement's response to its
