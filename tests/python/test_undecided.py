@@ -16,7 +16,7 @@ def test_a_cause_that_cannot_be_told_from_others_is_told_with_them(monkeypatch):
     raised to 0.7). "Nothing is missing" was said of an arm whose spring was 0.40 beside a payload and a
     base."""
     for module in (selected, selection):
-        monkeypatch.setattr(module, "LEAST_PROBABILITY", 0.7)
+        monkeypatch.setattr(module, "NAMED_AT", 0.7)
     robot, data = touched("ur10", "bar", 1, SPRING, count=20)
     result = diagnose(robot.nominal, data)
     assert not result.findings and result.verdict == UNEXPLAINED

@@ -10,8 +10,8 @@ import numpy as np
 from exactarm.commands.error_sections import unit_of, words_of
 from exactarm.data.kinds import kind_of
 from exactarm.diagnose.contribution import Contribution
+from exactarm.diagnose.decisions import NAMED_AT
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
-from exactarm.diagnose.selection import NAMED_AT
 from exactarm.effects.base import Effect
 from exactarm.effects.order_source import likely_source
 from exactarm.report import Cell, Estimate, Figure, Quantity, Table

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from exactarm.diagnose.isolability import CLEAR, Isolability
+from exactarm.diagnose.decisions import CLEAR
+from exactarm.diagnose.isolability import Isolability
 from exactarm.report import Table
 
 _MOST_ROWS = 20

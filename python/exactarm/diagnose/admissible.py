@@ -14,9 +14,6 @@ from exactarm.diagnose.fitted import Fitted
 from exactarm.effects.base import Effect
 from exactarm.robot.robot import Robot
 
-LEAST_EVIDENCE = 5.0  # log Bayes factor; all candidates tried are already paid for
-LEAST_PROBABILITY = 0.5  # of an effect in the model, among all that could stand in its place
-
 
 def shown(effects: list[Effect], view: View) -> list[Effect]:
     """Those of no axis, and those of axes that move; waves only where they do not fold back."""

@@ -17,13 +17,13 @@ from __future__ import annotations
 import numpy as np
 from scipy import special
 
+from exactarm.diagnose.decisions import RIDGE
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.scan import linear_columns, prior_of
 from exactarm.diagnose.vocabulary import emptied
 from exactarm.effects.base import Effect
 
 _DRAWS = 500  # a probability of one half is known to 2 %
-_RIDGE = 1e-10  # of a column's square: columns that depend on each other
 
 
 def bagged(evidence: np.ndarray, squares: np.ndarray, kept: np.ndarray, count: float,
@@ -52,7 +52,7 @@ def bagged_contest(without: Fitted, own: tuple[Effect, float], rivals: list[tupl
     for effect, each in (own, *rivals):
         columns = without.cleared(linear_columns(without, emptied(effect)))
         normal = columns.T @ columns
-        normal += np.diag(1.0 / prior_of(effect) ** 2 + _RIDGE * np.diag(normal) + np.finfo(float).tiny)
+        normal += np.diag(1.0 / prior_of(effect) ** 2 + RIDGE * np.diag(normal) + np.finfo(float).tiny)
         left.append(left[0] - columns @ np.linalg.solve(normal, columns.T @ left[0]))
         evidence.append(each)
     squares, kept = zip(*(squares_by_piece(one, without.data_numbers, pieces) for one in left))

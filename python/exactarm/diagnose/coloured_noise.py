@@ -18,7 +18,7 @@ from itertools import combinations
 import numpy as np
 from scipy import linalg
 
-from exactarm.diagnose.admissible import LEAST_EVIDENCE
+from exactarm.diagnose.decisions import LEAST_EVIDENCE
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.joint_fit import candidates_for
 from exactarm.diagnose.problem import Problem

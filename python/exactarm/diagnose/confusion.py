@@ -12,8 +12,6 @@ from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.problem import Problem
 from exactarm.effects.base import Effect
 
-DOUBT = 0.01  # a rival that is this probable cannot be ruled out
-
 
 @dataclass(frozen=True)
 class Place:

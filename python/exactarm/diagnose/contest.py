@@ -8,7 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from exactarm.diagnose.admissible import LEAST_EVIDENCE, is_possible
+from exactarm.diagnose.admissible import is_possible
+from exactarm.diagnose.decisions import LEAST_EVIDENCE
 from exactarm.diagnose.fitted import Fitted, rows_kept
 from exactarm.diagnose.forms import best_form, same_family
 from exactarm.diagnose.joint_fit import candidates_for, count_of, refit

@@ -22,10 +22,10 @@ from functools import cached_property
 import numpy as np
 from scipy import linalg
 
+from exactarm.diagnose.decisions import RIDGE
 from exactarm.diagnose.fitted import Fitted
 
 _FOLDS = 10
-_RIDGE = 1e-10  # of the normal equations of columns of unit length: of what one fold alone can tell
 
 
 def folds_of(groups: np.ndarray, seed: int) -> np.ndarray:
@@ -65,7 +65,7 @@ class CrossValidation:
         order = np.argsort(np.repeat(self.folds, self.numbers // len(self.folds)), kind="stable")
         ends = np.cumsum(np.bincount(self.folds) * (self.numbers // len(self.folds)))
         whole, onto = self.basis.T @ self.basis, self.basis.T @ self.residual
-        whole[np.diag_indices_from(whole)] += _RIDGE
+        whole[np.diag_indices_from(whole)] += RIDGE
         found = []
         for rows in np.split(order, ends[:-1]):
             own, answer = self.basis[rows], self.residual[rows]
@@ -89,7 +89,7 @@ class CrossValidation:
         penalty = np.zeros(len(norm)) if prior is None else 1.0 / prior**2
         size = np.sqrt(norm**2 + penalty)[norm > 0]  # a column of rounding is its prior
         columns, penalty = columns[:, norm > 0] / size, penalty[norm > 0] / size**2
-        onto, normal = columns.T @ self.residual, columns.T @ columns + np.diag(penalty + _RIDGE)
+        onto, normal = columns.T @ self.residual, columns.T @ columns + np.diag(penalty + RIDGE)
         for part in self._parts:
             own, answer = columns[part.rows], self.residual[part.rows]
             within = _solved(part.lower, -part.own.T @ own)

@@ -13,8 +13,9 @@ import numpy as np
 from exactarm.chain import Layout
 from exactarm.data.dataset import Dataset
 from exactarm.data.split import DEFAULT_SEED
-from exactarm.diagnose.confusion import DOUBT, next_experiments
+from exactarm.diagnose.confusion import next_experiments
 from exactarm.diagnose.contribution import Contribution, contributions
+from exactarm.diagnose.decisions import DOUBT
 from exactarm.diagnose.dossier import Dossier, dossier
 from exactarm.diagnose.draft import Draft, drafts_of
 from exactarm.diagnose.fitted import Fitted

@@ -4,7 +4,7 @@
    priors; those that turn an axis are grouped by it, the likeliest axis first (unknown_axes.py).
 2. The formulas of the dictionary in the signals of an axis are compared by the evidence of the linear picture
    (evidence.py), grids of their non-linear parameters summed over. The first term, and each further one, is
-   `_LEAST_NATS` more likely than without. A series takes part, and wins where no short formula fits nearly as
+   `LEAST_NATS` more likely than without. A series takes part, and wins where no short formula fits nearly as
    well (`_SERIES_COSTS`).
 3. The winner has to lower the cross-validated square sum over whole poses, or pieces of runs; then everything
    is fitted together through the chain. An axis that no formula describes is left, and the next is tried.
@@ -22,6 +22,7 @@ import numpy as np
 
 from exactarm.chain import Layout
 from exactarm.diagnose.cross_validation import folds_of
+from exactarm.diagnose.decisions import DOUBT, LEAST_NATS, NAMED_AT
 from exactarm.diagnose.dictionary import forms_of, is_series, sum_of
 from exactarm.diagnose.evidence import Absorbed, Members
 from exactarm.diagnose.fitted import Fitted
@@ -38,7 +39,7 @@ from exactarm.diagnose.signal import (
     Signal,
     Structure,
 )
-from exactarm.diagnose.unknown_axes import PROBABLE, unknown_axes
+from exactarm.diagnose.unknown_axes import unknown_axes
 from exactarm.diagnose.vocabulary import vocabulary_of
 from exactarm.effects.axis_units import moves_by
 from exactarm.effects.base import Effect
@@ -48,13 +49,11 @@ from exactarm.robot.robot import Robot
 
 MOST_DRAFTS = 3
 _MOST_TERMS, _MOST_SIGNALS = 3, 3
-_LEAST_NATS = 3.0  # of a formula, and of a further term: twenty to one
 _SERIES_COSTS = 5.0  # nats: a short formula up to 150 times less likely is still the one to read and to check
 _IN_FORMULAS = {ANGLE: "q", TRAVEL: "q", LOAD: "torque", APPROACH: "approach",
                 DIRECTION: "approach"}
 _PARAMETER = re.compile(r"[abcw]\d*(_\d+)?$")  # what a formula of the dictionary calls its parameters
 _GAPS_TOLD = 3  # of each signal; the file has all
-_RARE_GAP = 0.01  # chance that evenly scattered values leave one gap as wide
 
 
 def gaps_in_words(signal: str, gaps: Sequence[tuple[float, float]],
@@ -129,7 +128,7 @@ def drafts_of(problem: Problem, declared: Layout,
     fitted, seen, left = last, unknown_axes(problem, last), set[int]()
     while problem.drafts and len(found) < MOST_DRAFTS:
         likely = {axis: each[0] for axis, each in seen.likely.items() if axis not in left}
-        if not likely or max(likely.values()) < PROBABLE:
+        if not likely or max(likely.values()) < NAMED_AT:
             break
         axis = max(likely, key=lambda a: likely[a])
         left.add(axis)
@@ -166,10 +165,10 @@ def _best_formula(fitted: Fitted, noise, problem: Problem, axis: int,
         sums = [sum_of(fixed, form) for form in forms_of(axis, signals, term) if not is_series(form)]
         further = [form for form in sums if len(form.form) <= LONGEST]
         more, sum_value, *rest = _likeliest(fitted, absorbed, further)
-        if more is None or sum_value < value + _LEAST_NATS:
+        if more is None or sum_value < value + LEAST_NATS:
             break
         best, value, (picture, members) = more, sum_value, rest
-    if best is None or value < _LEAST_NATS:
+    if best is None or value < LEAST_NATS:
         return None, 0.0
     if picture.held_out(members, parted) >= picture.held_out(Members((), ()), parted):
         return None, 0.0
@@ -221,7 +220,7 @@ def gaps_of(values: np.ndarray) -> tuple[tuple[float, float], ...]:
     count = len(sorted_values)
     if count < 2:
         return ()
-    widest = (sorted_values[-1] - sorted_values[0]) * np.log(count / _RARE_GAP) / count
+    widest = (sorted_values[-1] - sorted_values[0]) * np.log(count / DOUBT) / count
     wide = np.flatnonzero(np.diff(sorted_values) > widest)
     return tuple((float(sorted_values[k]), float(sorted_values[k + 1])) for k in wide)
 

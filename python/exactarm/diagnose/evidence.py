@@ -24,17 +24,15 @@ from scipy import linalg, special
 
 from exactarm import _core
 from exactarm.diagnose.cross_validation import CrossValidation
+from exactarm.diagnose.decisions import ABSORBED, INVISIBLE
 from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES, Vocabulary
 from exactarm.numerics.orthonormal import orthonormal
 
-# share of a column's square sum left after projection, below which the declared model explains it
-_ABSORBED = 1e-6
 WEAKEST = 1e-7  # direction of the declared parameters beside the strongest, below which it absorbs nothing
 
 _MOST_PRODUCTS = 40  # of a block's columns with all others, kept: a few hundred MB at most
 _LONG, _ROUNDING = 2, 1e-12  # rows per column from which products stand for rows; of a Gram matrix
 _IN_CACHE = 64  # columns that are whitened at once
-_INVISIBLE = 1e-3  # whitened length of a block at its plausible size, below which it is rounding
 
 
 @dataclass(frozen=True)
@@ -97,7 +95,7 @@ class Absorbed:
             c[:, where] = self.noise.whiten(responses)
         c *= np.sqrt(self.noise.held_share)
         absorbed, before = (c.T @ self.basis[: self.measured]).T, np.einsum("ij,ij->j", c, c)
-        hidden = before - np.einsum("ij,ij->j", absorbed, absorbed) < _ABSORBED * before
+        hidden = before - np.einsum("ij,ij->j", absorbed, absorbed) < ABSORBED * before
         c[:, hidden], absorbed[:, hidden] = 0.0, 0.0
         r = self.residual[: self.measured]
         if len(r) > _LONG * c.shape[1]:
@@ -308,7 +306,7 @@ class Picture:
             for place in np.flatnonzero(self.has_positive[indices]):
                 index = indices[place]
                 sided[:, index] = self._one_sided(index, h[place], y[place], left - gains[:, index])
-            unseen[indices] = np.einsum("gii->g", h) < _INVISIBLE**2
+            unseen[indices] = np.einsum("gii->g", h) < INVISIBLE**2
         ratio = np.log(np.maximum(1.0 - gains / max(left, 1e-300), 1e-12))
         log_bf = sided - price - 0.5 * self.count * ratio + np.log(SCALE_WEIGHTS)[:, None]
         best = np.argmax(log_bf, axis=0)

@@ -31,13 +31,13 @@ import numpy as np
 from scipy import linalg
 
 from exactarm.diagnose.cross_validation import CrossValidation, folds_of
+from exactarm.diagnose.decisions import LEAST_EVIDENCE
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.forms import same_family
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import free_mask, linear_columns, prior_of
 from exactarm.effects.base import Effect
 
-_LEAST_GAIN = 5.0  # nats that a curve must be likelier by than what it replaces, as for any cause
 _PASSES = 10  # over all axes and the noise that they leave; four or five are enough
 
 
@@ -143,7 +143,7 @@ class _Linear:
         """For every axis the place of its choice, 0 where no curve is likelier by enough; and the noise that
         is left beside that of the columns."""
         now, noise = [0] * len(axes), 1.0
-        price = [np.log(len(choices) - 1) + _LEAST_GAIN for choices in axes]
+        price = [np.log(len(choices) - 1) + LEAST_EVIDENCE for choices in axes]
         for _ in range(_PASSES):
             before, last = list(now), noise
             for axis, choices in enumerate(axes):

@@ -22,6 +22,7 @@ import numpy as np
 
 from exactarm.chain import predict_poses
 from exactarm.data.dataset import Dataset
+from exactarm.diagnose.decisions import WIDE
 from exactarm.diagnose.evidence import Picture
 from exactarm.diagnose.joint_fit import candidates_for
 from exactarm.diagnose.pose_problem import PoseProblem
@@ -32,9 +33,6 @@ from exactarm.identify.drawing import FREE
 from exactarm.identify.pose_fit import PoseFit
 from exactarm.noise.estimate import normal_noise
 from exactarm.robot.robot import Robot
-
-_WIDE = 3.0  # times its plausible size, what a rival may be
-CLEAR = 4.0  # standard deviations that nobody confuses any more
 
 
 @dataclass(frozen=True)
@@ -100,7 +98,7 @@ def _of(picture: Picture) -> Isolability:
     for place, label in enumerate(order):
         for index in np.flatnonzero(which == label):
             block = vocabulary.blocks[index]
-            size = _WIDE * block.size
+            size = WIDE * block.size
             gram = size[:, None] * picture.between(block.where, block.where) * size
             left = np.maximum(squares - _imitated(gram, size[:, None] * products[block.where]), 0.0)
             apart[:, place] = np.minimum(apart[:, place], np.bincount(owner, left, len(order)))

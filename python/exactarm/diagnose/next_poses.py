@@ -21,6 +21,7 @@ from exactarm.data.kinds import POSES
 from exactarm.design.pose_space import Box, PoseSpace
 from exactarm.diagnose.cause_information import Field, Hypothesis, chosen_for
 from exactarm.diagnose.confusion import Place
+from exactarm.diagnose.decisions import WIDE
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.scan import free_mask, linear_columns
 from exactarm.effects.base import Effect
@@ -37,7 +38,6 @@ _ENOUGH = 0.95  # of what is open
 _LEAST = 0.01  # of what is open, for one more pose: thirty seconds that tell less are better spent otherwise
 _LITTLE = 0.3  # of what is open: below it an experiment does not part the causes
 _RIDGE = 1e-9  # of a column's square sum
-_WIDE = 3.0  # a rival's prior size, times what is plausible or what it was found at
 
 
 @dataclass(frozen=True)
@@ -172,7 +172,7 @@ class _State:
         columns = np.concatenate([declared, *causes], axis=1)
         prior, own, at = [np.zeros(declared.shape[1])], [], declared.shape[1]
         for effect, cause in zip(effects, causes):
-            sizes = [_WIDE * max(p.plausible, abs(v))
+            sizes = [WIDE * max(p.plausible, abs(v))
                      for p, v, free in zip(effect.parameters(), effect.values, free_mask(effect)) if free]
             prior.append(1.0 / np.square(sizes))
             own.append(slice(at, at + cause.shape[1]))

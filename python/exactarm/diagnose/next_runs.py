@@ -15,6 +15,7 @@ import numpy as np
 from exactarm.chain import GearRecord, predict_gear_run
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import GEAR_RUN
+from exactarm.diagnose.decisions import CLEAR
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.scan import free_mask
 from exactarm.effects.base import Effect
@@ -26,7 +27,6 @@ from exactarm.view import View
 _SPEED_SHARES = (0.25, 0.5, 1.0)
 _TURNS_RAD = (0.0, 0.5 * np.pi)
 _ROWS = 1500
-_CERTAIN = 4.0  # standard deviations between two explanations
 
 
 def separating_run(robot: Robot, fitted: Fitted, record: GearRecord, one: Effect, other: Effect) -> str:
@@ -46,7 +46,7 @@ def separating_run(robot: Robot, fitted: Fitted, record: GearRecord, one: Effect
                     best_apart, best_rows = apart, len(data)
     names = f"{one.title} and {other.title}"
     ratio = best_apart / float(np.mean(fitted.sigma))
-    runs = max(1, int(np.ceil((_CERTAIN / max(ratio, 1e-9)) ** 2 / best_rows)))
+    runs = max(1, int(np.ceil((CLEAR / max(ratio, 1e-9)) ** 2 / best_rows)))
     if runs > 20:
         return (f"No run of one axis inside the limits parts {names} (at most {ratio:.2g} times the "
                 "scatter): repeat the runs with another known payload.")

@@ -15,11 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
+from exactarm.diagnose.decisions import RIDGE
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.held_out_evidence import freedom_of, log_density, spread_of
 from exactarm.diagnose.problem import Problem
-
-_RIDGE = 1e-10  # of a column's square sum: what the data cannot tell stays where it is
 
 
 @dataclass(frozen=True)
@@ -49,7 +48,7 @@ def own_shares(problem: Problem, fitted: Fitted, first: int) -> tuple[Own, ...] 
     rows = fitted.data_numbers
     norm = np.linalg.norm(design, axis=0)
     norm[norm == 0.0] = 1.0
-    gram = design.T @ design / np.outer(norm, norm) + _RIDGE * np.eye(len(norm))
+    gram = design.T @ design / np.outer(norm, norm) + RIDGE * np.eye(len(norm))
     found = []
     for place in range(first, len(fitted.layout.effects)):
         where = fitted.layout.slices[place]

@@ -18,6 +18,7 @@ from scipy import special
 
 from exactarm.chain import Layout
 from exactarm.diagnose.cross_validation import folds_of
+from exactarm.diagnose.decisions import CONFIRMED, CREDIBLE, DOUBT, NAMED_AT
 from exactarm.diagnose.evidence import Members, Picture
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.joint_fit import candidates_for, refit
@@ -26,7 +27,6 @@ from exactarm.diagnose.scan import Candidate
 from exactarm.diagnose.search import CERTAIN, Posterior, log_prior_of_count, weight_of
 from exactarm.diagnose.search_round import MOST_AT_ONCE, At, Found, score_of, search_round
 from exactarm.diagnose.selected import Accepted, Selection
-from exactarm.diagnose.selection import NAMED_AT
 from exactarm.diagnose.self_test import SelfTest, self_test
 from exactarm.diagnose.signal import Structure
 from exactarm.diagnose.vocabulary import UNKNOWN_MASS, Vocabulary, at_values, vocabulary_of
@@ -34,12 +34,9 @@ from exactarm.effects.base import Effect
 from exactarm.noise.estimate import log_likelihood_under
 from exactarm.noise.model import NoiseModel
 
-WRONG_ROW_FALSE_ALARM = 0.01  # of a whole data set: what the threshold of the effect is set for
 UNKNOWN = "unknown"  # in the place of a name, for a cause that the library lacks
-_CREDIBLE = 0.95
 _ROUNDS = 4  # of search beside what has been found
 _MOST_REFUSED = 3  # best sets that only fit their own rows: others are looked for without them
-_CONFIRMED = 0.5  # of the promised gain
 
 Progress = Callable[[str], None]
 
@@ -192,7 +189,7 @@ def _wrong_rows(problem, declared, chosen, fitted: Fitted, noise: NoiseModel):
         trial = refit(problem, declared, [*chosen, effect], fitted)
         if trial.weight.all() or _could_be_right(trial, len(declared.effects), noise):
             continue
-        sure = min(noise.wrong_probability, 1.0 - WRONG_ROW_FALSE_ALARM)
+        sure = min(noise.wrong_probability, 1.0 - DOUBT)
         return Place(effect.label, effect, sure, np.inf, (), 0), trial
     return None
 
@@ -201,7 +198,7 @@ def _could_be_right(trial: Fitted, first: int, noise: NoiseModel) -> bool:
     """Whether an effect behind the first ones, whose change is not known in every row, could explain each
     wrong row: within the bounds of the change, its error is one that a good row may have."""
     view, out, sigma = trial.view, noise.wrong, noise.sigma[:3]
-    largest = 2.0 * special.gammainccinv(1.5, WRONG_ROW_FALSE_ALARM / view.rows)  # of chi-squared
+    largest = 2.0 * special.gammainccinv(1.5, DOUBT / view.rows)  # of chi-squared
     error = trial.residual[:, :3]
     for effect in trial.layout.effects[first:]:
         bounds = effect.could_change(view)
@@ -237,7 +234,7 @@ def _credible(place: Place) -> tuple[tuple[str, int | None, float], ...]:
         name, joint = (UNKNOWN, None) if effect is None else (effect.name, effect.joint)
         found.append((name, joint, float(probability)))
         total += probability
-        if total >= _CREDIBLE:
+        if total >= CREDIBLE:
             break
     return tuple(found)
 
@@ -346,7 +343,7 @@ def _confirmed(problem, declared, chosen, fitted, found: Found, places: list[Pla
         functions, labels = _only(found, ()), tuple(p.label for p in places)
         promised = found.picture.quadratic(functions)[1] - found.picture.quadratic(_only(found, labels))[1]
         idle = [k - len(chosen) for k in _idle(trial, declared) if k >= len(chosen)]
-        if before - after >= _CONFIRMED * promised and not idle:
+        if before - after >= CONFIRMED * promised and not idle:
             return places, trial
         places = [place for k, place in enumerate(places) if k not in (idle or [len(places) - 1])]
     return [], fitted

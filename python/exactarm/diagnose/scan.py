@@ -18,12 +18,10 @@ from itertools import product
 
 import numpy as np
 
+from exactarm.diagnose.decisions import ABSORBED, INVISIBLE
 from exactarm.diagnose.fitted import Fitted
 from exactarm.effects.base import Effect
 from exactarm.numerics.factors import lstsq
-
-_ABSORBED = 1e-6  # share of a column's square sum left after projection, below which geometry explains it
-_INVISIBLE = 1e-3  # whitened length that a plausible value must have: below, the column is rounding
 
 
 @dataclass(frozen=True)
@@ -109,7 +107,7 @@ def _score(linear, products, square, count, tried, families, best) -> None:
         plausible, prior, lower, upper = np.array(
             [(p.plausible, p.prior, p.lower, p.upper) for p, keep in zip(point.parameters(), mask) if keep]
         ).reshape(k, 4).T
-        usable = (np.diag(normal) > _ABSORBED * each.square) & (np.sqrt(each.square) * plausible > _INVISIBLE)
+        usable = (np.diag(normal) > ABSORBED * each.square) & (np.sqrt(each.square) * plausible > INVISIBLE)
         start, price, free = np.array(point.values, float), 0.0, int(usable.sum())
         if np.isfinite(prior).any():
             gain, values, price = regularised_gain(normal, onto, prior)

@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
+from exactarm.diagnose.decisions import LEAST_NATS
 from exactarm.diagnose.evidence import WEAKEST, Members, Picture
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.problem import Problem
@@ -30,7 +31,6 @@ _NOISE_PASSES = 3
 _COLUMN_COSTS = 0.5  # of a degree of freedom, for a column under a prior
 # relative change of a row's scale that moves no probability much: sizes are known to a factor of three
 _SAME_SCALE = 0.3
-_LEAST_NATS = 3.0  # in likelihood, below which another family of noise is not worth a start of its own
 
 
 @dataclass(frozen=True)
@@ -144,9 +144,9 @@ def _score(found: Found) -> float:
     at, left, noise = found.at, found.left, found.noise
     white = noise.whiten(at.declared)
     score = score_of(found) - 0.5 * float(np.linalg.slogdet(white.T @ white)[1])
-    score -= 0.0 if noise.family == "gauss" else _LEAST_NATS
+    score -= 0.0 if noise.family == "gauss" else LEAST_NATS
     # of its two parameters
-    return score - (0.0 if noise.wandering is None else _LEAST_NATS + np.log(len(left)))
+    return score - (0.0 if noise.wandering is None else LEAST_NATS + np.log(len(left)))
 
 
 def basis_of(jacobian: np.ndarray) -> np.ndarray:

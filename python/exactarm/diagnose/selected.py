@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from exactarm.diagnose.admissible import LEAST_EVIDENCE, LEAST_PROBABILITY
+from exactarm.diagnose.decisions import LEAST_EVIDENCE, NAMED_AT
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.scan import Candidate
 from exactarm.diagnose.signal import Structure
@@ -41,7 +41,7 @@ class Selection:
     @property
     def undecided(self) -> tuple[str, ...]:
         """Titles of causes of which one is missing without a doubt, where none is likelier than not."""
-        lost = [a for a in self.asked if a.probability < LEAST_PROBABILITY and a.rivals]
+        lost = [a for a in self.asked if a.probability < NAMED_AT and a.rivals]
         if self.accepted or not lost:
             return ()
         best = max(lost, key=lambda each: each.evidence)

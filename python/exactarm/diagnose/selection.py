@@ -14,11 +14,12 @@ from dataclasses import replace
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.diagnose.admissible import LEAST_EVIDENCE, LEAST_PROBABILITY, is_possible
+from exactarm.diagnose.admissible import is_possible
 from exactarm.diagnose.bagging import bagged_contest
 from exactarm.diagnose.cluster_robust import robust_evidence
 from exactarm.diagnose.contest import PAIRED, contest, differs
 from exactarm.diagnose.cross_validation import CrossValidation, folds_of
+from exactarm.diagnose.decisions import CONFIRMED, LEAST_EVIDENCE, NAMED_AT
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.forms import forms_of, parts_of_one_wave, same_family
 from exactarm.diagnose.gear_curves import with_curves
@@ -31,13 +32,11 @@ from exactarm.diagnose.vocabulary import emptied
 from exactarm.diagnose.worth import is_worth
 from exactarm.effects.base import Effect
 
-NAMED_AT = 0.5  # probability from which a cause is named: more likely than not
 MOST_EFFECTS = 16
 _SHORTLIST = 12
 _INDEPENDENT_SHARE, _INDEPENDENT_EVIDENCE = 0.8, 20.0
 _HIDDEN_GAIN = 1.5  # gain of the second beside the first, over what both promised alone
 _MOST_ANEW = 2  # searches with more declared parameters than the one before
-_KEPT_GAIN = 0.5  # share of the predicted gain that the joint fit must confirm
 
 Progress = Callable[[str], None]
 
@@ -200,7 +199,7 @@ def _best_pair(problem, declared, chosen, fitted, shortlist: list[Candidate], pa
 def _confirmed(problem: Problem, declared: Layout, fitted: Fitted, trial: Fitted, gain: float) -> bool:
     """Whether the joint fit takes enough of the gain that the linear picture promised, with possible
     values."""
-    if fitted.square(fitted) - trial.square(fitted) < _KEPT_GAIN * gain:
+    if fitted.square(fitted) - trial.square(fitted) < CONFIRMED * gain:
         return False
     added = range(len(declared.effects), len(trial.layout.effects))
     return all(is_possible(problem.robot, trial, index) for index in added)
@@ -210,7 +209,7 @@ def _admissible(problem: Problem, declared: Layout, accepted: list[Accepted], fi
     """Without the effects, the least probable first, that are impossible or less probable than not."""
     first = len(declared.effects)
     while accepted:
-        worst = [place for place, a in enumerate(accepted) if a.probability < LEAST_PROBABILITY
+        worst = [place for place, a in enumerate(accepted) if a.probability < NAMED_AT
                  or not is_possible(problem.robot, fitted, first + place)]
         if not worst:
             break

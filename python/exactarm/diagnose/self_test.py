@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from exactarm.diagnose.decisions import CLEAR, CREDIBLE
 from exactarm.diagnose.evidence import Picture
 from exactarm.diagnose.search import log_prior_of_count
 from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES
@@ -25,8 +26,6 @@ DRAWS = 400
 _PLANTED = 200
 _CAUSES = 20  # planted in turn: the ones that this design shows best
 # standard deviations by which a planted cause moves all rows together: less, and nobody names it
-_LEAST_SHOWN = 4.0
-_CREDIBLE = 0.95
 _STRIP = 512  # columns worked on at once
 
 
@@ -108,7 +107,7 @@ def _planted(picture: Picture, parts: _Parts, rng) -> tuple[int, int]:
     for index, block in enumerate(blocks):
         if block.effect is not None:
             length = float(np.sqrt(np.diag(picture.between(block.where, block.where)) @ block.size**2))
-            if length > shown.get(block.label, (_LEAST_SHOWN, None))[0]:
+            if length > shown.get(block.label, (CLEAR, None))[0]:
                 shown[block.label] = (length, index)
     chosen = [index for _, index in sorted(shown.values(), key=lambda e: -e[0])][:_CAUSES]
     if not chosen:
@@ -132,7 +131,7 @@ def _planted(picture: Picture, parts: _Parts, rng) -> tuple[int, int]:
             continue
         order = np.argsort(-by_label, kind="stable")
         held = np.cumsum(np.exp(by_label[order] - total))
-        members = order[: int(np.searchsorted(held, _CREDIBLE)) + 1]
+        members = order[: int(np.searchsorted(held, CREDIBLE)) + 1]
         sets += 1
         right += names.index(blocks[index].label) in members
     return sets, right

@@ -16,6 +16,7 @@ from functools import partial
 import numpy as np
 from scipy import special
 
+from exactarm.diagnose.decisions import LEAST_EVIDENCE, NAMED_AT
 from exactarm.diagnose.evidence import Members, Picture
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.joint_fit import count_of
@@ -30,8 +31,6 @@ from exactarm.noise.model import NoiseModel
 
 _MOST_FUNCTIONS = 6  # searched for at once: twice what is drafted
 _NOISE_PASSES = 2
-PROBABLE = 0.5  # that an unknown function moves something, from which it is told
-_NEAR = 5.0  # nats behind the likeliest function of an axis: what it follows is worth a formula, too
 
 
 @dataclass(frozen=True)
@@ -76,10 +75,10 @@ def _in_time(problem: Problem, fitted: Fitted) -> UnknownAxes:
     likely, others = {}, []
     for direction, ours in by_direction.items():
         probability = float(np.exp(special.logsumexp([one.weight for one in ours]) + first - total))
-        near = (one.unknown.signals for one in ours if one.weight >= ours[0].weight - _NEAR)
+        near = (one.unknown.signals for one in ours if one.weight >= ours[0].weight - LEAST_EVIDENCE)
         if direction.axis is not None:
             likely[direction.axis] = probability, list(dict.fromkeys(s for signals in near for s in signals))
-        if probability >= PROBABLE:
+        if probability >= NAMED_AT:
             others.append((direction.axis, ours[0].unknown.structure))
     return UnknownAxes(noise, likely, tuple(others))
 

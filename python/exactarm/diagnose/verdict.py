@@ -16,12 +16,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from exactarm.diagnose.decisions import NAMED_AT
 from exactarm.diagnose.dossier import Dossier
 from exactarm.diagnose.held_out_evidence import AGAINST
 from exactarm.diagnose.noise import NoiseFloor
 from exactarm.diagnose.not_noise import not_noise
 from exactarm.diagnose.posterior import Causes
-from exactarm.diagnose.selection import NAMED_AT
 from exactarm.diagnose.signal import Structure
 
 EXPLAINED, NOTHING, UNEXPLAINED = "explained", "no_undeclared_effect", "unexplained"

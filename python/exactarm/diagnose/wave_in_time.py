@@ -27,6 +27,7 @@ import numpy as np
 from scipy import fft, linalg, special
 
 from exactarm.chain import Layout
+from exactarm.diagnose.decisions import RIDGE
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.joint_fit import candidates_for, count_of
 from exactarm.diagnose.problem_in_time import ProblemInTime
@@ -50,7 +51,6 @@ _PERIODS = 2.0  # in the longest run, at least
 _PEAKS, _PADDED = 6, 4  # lines of the spectrum that are tried; times the longest run
 _TERMS = (1, 3)
 _SIZES = (2.0, 6.0, 20.0, 60.0, 200.0)  # tau, standard deviations of one run's noise; all alike likely
-_RIDGE = 1e-10
 
 
 @dataclass(frozen=True)
@@ -196,7 +196,7 @@ class _Contest:
         self._gram = self._columns.T @ self._columns
         self._onto = self._columns.T @ self._residual
         prior = np.concatenate([cause.prior for cause in causes])
-        self._penalty = 1.0 / prior**2 + _RIDGE * np.diag(self._gram) + np.finfo(float).tiny
+        self._penalty = 1.0 / prior**2 + RIDGE * np.diag(self._gram) + np.finfo(float).tiny
         self._prices = [self._price(cause, where) for cause, where in zip(causes, self._slices)]
 
     def _beside_declared(self, columns: np.ndarray) -> np.ndarray:
