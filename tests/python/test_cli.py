@@ -14,6 +14,8 @@ from pathlib import Path
 import pytest
 
 from exactarm import cli
+from exactarm.commands.execute import parse, parser_of
+from exactarm.commands.listing import find_commands, import_command
 
 COMMAND = '''
 import time
@@ -248,6 +250,25 @@ def test_what_is_misspelt_is_answered_with_what_was_meant(tmp_path, monkeypatch,
 def test_a_missing_option_that_was_misspelt_is_told(capsys):
     assert cli.main(["evaluate", "ur10", "ur10/series_B", "--ou", "x"]) == 2
     assert "did you mean --out for --ou?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kind, value", [
+    (None, "-10,-70,80,-20,90,12"), (None, "-.5"), (None, "-inf,0,0"), (float, "-1e-4"), (float, "-5"),
+])
+def test_every_option_takes_a_value_that_begins_with_a_minus(kind, value, tmp_path):
+    checked = 0
+    for module in map(import_command, find_commands()):
+        actions = parser_of(module)._actions
+        needed = [word for action in actions if action.required and action.dest != "out"
+                  for word in (*action.option_strings, action.choices[0] if action.choices else "x")]
+        for action in actions:
+            if not action.option_strings or action.choices or action.nargs == 0 or action.type is not kind:
+                continue
+            given = [action.option_strings[0], *[value] * (action.nargs or 1)]
+            found = vars(parse(module, [*needed, *given, "--out", str(tmp_path)]))[action.dest]
+            assert (kind or str)(value) == (found[0] if isinstance(found, list) else found)
+            checked += 1
+    assert checked > 10
 
 
 def test_the_overview_fits_80_columns(capsys, monkeypatch):

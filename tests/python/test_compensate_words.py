@@ -17,6 +17,8 @@ TARGETS = "q_1_rad,q_2_rad,q_3_rad,q_4_rad,q_5_rad,q_6_rad\n0.8,-1.1,1.5,-0.3,1.
     ("--start", "nan,0,0,0,0,0", "expected 6 numbers"),
     ("--payload", "5000,0,0,80", "expected kg, and its centre in m, within 2 m of the flange"),
     ("--payload", "100000,0,0,0", "expected kg"),
+    ("--payload", "-5,0,0,0.1", "expected a mass of 0 or more"),
+    ("--start", "-10,-70,80", "expected 6 numbers"),
 ])
 def test_a_word_that_no_cell_can_mean_is_refused(tmp_path, capsys, option, value, says):
     (tmp_path / "targets.csv").write_text(TARGETS)

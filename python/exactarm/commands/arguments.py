@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import re
 from collections.abc import Collection, Mapping
 from numbers import Integral
 from pathlib import Path
@@ -11,6 +12,17 @@ from exactarm.data.kinds import KIND_NAMES
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
 from exactarm.files.examples import file_or_example
+
+_NUMBERS = re.compile(r"-(?:[\d.]|inf|nan)", re.IGNORECASE)
+
+
+class NumbersParser(argparse.ArgumentParser):
+    """Takes words that begin with a negative number for values, as "-0.5,1": argparse takes a single number
+    without exponent alone for one, and any other for an option."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options)
+        self._negative_number_matcher = _NUMBERS
 
 
 def add_robot(parser: argparse.ArgumentParser) -> None:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, ParamSpec, TypeAlias, TypeVar, 
 
 import numpy as np
 
-from exactarm.commands.arguments import available_cores, require_bounded, require_common
+from exactarm.commands.arguments import NumbersParser, available_cores, require_bounded, require_common
 from exactarm.commands.outcome import Asked
 from exactarm.commands.plain import sha256
 from exactarm.commands.publish import sources
@@ -205,7 +205,7 @@ def arguments_of(add_arguments: Callable[[argparse.ArgumentParser], None], robot
     return argparse.Namespace(**(known | objects | {"robot": robot}))
 
 
-class _Options(argparse.ArgumentParser):
+class _Options(NumbersParser):
     def error(self, message: str) -> NoReturn:
         raise InputError(message)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from exactarm._core import InvalidArgument
-from exactarm.commands.arguments import add_common, require_bounded
+from exactarm.commands.arguments import NumbersParser, add_common, require_bounded
 from exactarm.commands.outcome import Asked
 from exactarm.commands.output import OutputFolder, may_write
 from exactarm.commands.publish import Published, publish, sources
@@ -22,7 +22,7 @@ from exactarm.progress import Progress
 from exactarm.report.plots.files import DRAWING
 
 
-class _Parser(argparse.ArgumentParser):
+class _Parser(NumbersParser):
     """Reports a wrong argument as any other bad input: one line, exit 2, with the option that was meant."""
 
     words: Sequence[str] = ()  # what is parsed: of a wrong option argparse may tell that another is missing

@@ -1,7 +1,6 @@
 """The arguments of commands that plan measurements: target, unknown frames, kind of measurement, box."""
 
 import argparse
-import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -23,8 +22,6 @@ Numbers = str | Sequence[float] | np.ndarray  # "0.05,0,0.1" on the command line
 
 
 def add_planning(parser: argparse.ArgumentParser) -> None:
-    # "-0.5,1" is a value: argparse takes only a single negative number for one.
-    parser._negative_number_matcher = re.compile(r"^-[\d.]")
     parser.add_argument("--tool", metavar="X,Y,Z",
                         help="target on the flange in m (default: that of the robot file)")
     parser.add_argument("--frames", choices=FRAMES, default="both",
