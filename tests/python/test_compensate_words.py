@@ -29,6 +29,25 @@ def test_a_word_that_no_cell_can_mean_is_refused(tmp_path, capsys, option, value
     assert not (tmp_path / "out" / "result.json").exists()
 
 
+HEAVY = "the arm itself weighs 28.4 kg: is it in g or lb?"
+
+
+@pytest.mark.parametrize("name, text, words, says", [
+    ("targets.csv", TARGETS, ["--payload", "500,0,0,0.1"], f"--payload 500,0,0,0.1: 500 kg, {HEAVY}"),
+    ("targets.csv", "".join(f"{line},{more}\n" for line, more in zip(
+        TARGETS.splitlines(), ("payload_kg,payload_z_m", "5000,0.1"))), [],
+     f"targets.csv, line 2: row 1: its payload is 5000 kg, {HEAVY}"),
+    ("part.script", "set_payload(5000, [0, 0, 0.1])\nmovej([0.8, -1.1, 1.5, -0.3, 1.0, -0.1])\n",
+     ["--points", "calculated"], f"its payload is 5000 kg, {HEAVY}"),
+])
+def test_a_payload_in_grams_is_refused_before_any_other_cause(tmp_path, capsys, name, text, words, says):
+    (tmp_path / name).write_text(text)
+    given = ["compensate", "ur10", str(tmp_path / name), *words, "--out", str(tmp_path / "out"), "--quiet"]
+    assert cli.main(given) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1 and says in said and not (tmp_path / "out/result.json").exists()
+
+
 def test_what_was_corrected_is_not_corrected_again(tmp_path):
     (tmp_path / "targets.csv").write_text(TARGETS)
     ea.compensate("ur10", tmp_path / "targets.csv").save(tmp_path / "out")

@@ -37,13 +37,14 @@ from exactarm.compensate.correction import correct
 from exactarm.compensate.formats import Job, jobs
 from exactarm.compensate.frames import cell_frames, with_nominal
 from exactarm.compensate.law import CompensationModel
+from exactarm.compensate.program import Program
 from exactarm.compensate.setting import Setting, chosen_points, read_frames, read_numbers, unmatched
 from exactarm.data.columns import MOST, PAYLOAD
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
 from exactarm.files.file_bytes import real_path
 from exactarm.files.memory_table import MemoryTable
-from exactarm.first_aid.load_mistakes import FAR_M
+from exactarm.first_aid.load_mistakes import FAR_M, too_heavy
 from exactarm.identify.pose_uncertainty import model_uncertainty
 from exactarm.progress import SILENT, Progress
 from exactarm.robot.robot import Placement, Robot
@@ -164,6 +165,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
         if setting.load is not None:
             program = replace(
                 program, targets=tuple(target._replace(load=None) for target in program.targets))
+        _require_loads(robot, program)
         chosen = chosen_points(program, arguments.points)
         reread = lambda contents, job=job: job.reread(contents, setting)
         tolerance = None if arguments.tolerance_mm is None else 1e-3 * arguments.tolerance_mm
@@ -240,6 +242,8 @@ def _setting(robot: Robot, arguments: argparse.Namespace) -> Setting:
         if mass > MOST[PAYLOAD] or np.linalg.norm([x, y, z]) > FAR_M:
             raise InputError(f"--payload {arguments.payload}: expected kg, and its centre in m, within "
                              f"{FAR_M:g} m of the flange")
+        if heavy := too_heavy(robot, mass):
+            raise InputError(f"--payload {arguments.payload}: {heavy}")
         load = (mass, (x, y, z))
     start = None
     if arguments.start:
@@ -264,6 +268,14 @@ def _require_frames(job: Job, setting: Setting) -> None:
                 raise InputError(f"{option} {name}: {len(numbers)} numbers; a frame of {job.dialect.NAME} "
                                  f"has {count}",
                                  file=job.paths[0])
+
+
+def _require_loads(robot: Robot, program: Program) -> None:
+    """Loads of targets that the arm may carry; each of them is looked at once."""
+    for load, target in {target.load: target for target in reversed(program.targets)}.items():
+        if load is not None and (heavy := too_heavy(robot, load[0])):
+            raise InputError(f"{target.name}: its payload is {heavy}", file=program.files[target.file].path,
+                             line=target.line)
 
 
 def _stop_at_refused(corrections: list[Any], arguments: argparse.Namespace) -> None:

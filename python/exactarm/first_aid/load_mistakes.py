@@ -25,14 +25,19 @@ HEAVY = 2.0  # times the arm's own mass: light arms carry up to their own, grams
 FAR_M = 2.0  # of a payload's centre from the flange: mm as m are a thousand times too much
 
 
+def too_heavy(robot: Robot, mass: float) -> str:
+    """Why a payload of `mass` kg is none of this arm's; empty where it may be."""
+    own = robot.mass or sum(link.mass for link in robot.links or ())
+    return (f"{mass:g} kg, the arm itself weighs {own:.3g} kg: is it in g or lb?"
+            if 0.0 < HEAVY * own < mass else "")
+
+
 def payload_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
     if data.payload is None:
         return
     mass, centre = data.payload
-    own = robot.mass or sum(link.mass for link in robot.links or ())
-    if own > 0.0 and mass.max(initial=0.0) > HEAVY * own:
-        yield Suspicion(f"payload_kg is up to {mass.max():g} kg, the arm itself weighs {own:.3g} kg: is it "
-                        "in g or lb? It is used as it stands")
+    if heavy := too_heavy(robot, float(mass.max(initial=0.0))):
+        yield Suspicion(f"payload_kg is up to {heavy} It is used as it stands")
     away = float(np.linalg.norm(centre - data.flange.position, axis=1).max(initial=0.0))
     if away > FAR_M:
         yield Suspicion(f"the payload's centre lies {away:g} m from the flange: is it in mm? It is used as "
