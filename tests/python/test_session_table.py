@@ -47,6 +47,9 @@ def test_every_row_gets_the_columns_of_its_session(tmp_path):
     ("session,humidity\n1,2\n2,3\n", "column humidity: is given already"),
     ("session,q_1_rad\n1,2\n2,3\n", "column q_1_rad: is measured row by row"),
     ("session,payload_x_inch\n1,2\n2,3\n", "unknown unit"),
+    ("session,payload_kg,payload_zmm\n1,0,0\n2,5,80\n",
+     "column payload_zmm: would not be read; did you mean payload_z_mm?"),
+    ("session,paylod_kg\n1,2\n2,3\n", "column paylod_kg: would not be read; did you mean payload_kg?"),
 ])
 def test_what_it_cannot_mean_is_refused(tmp_path, text, says):
     with pytest.raises(InputError) as refused:

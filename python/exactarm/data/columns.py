@@ -84,6 +84,7 @@ _NO_INDEX = re.compile(rf"({_JOINT_NAMES})(?:_({'|'.join(_ALL_UNITS)}))?")
 _SCALAR = re.compile(rf"({'|'.join(SCALAR_UNITS)})(?:_(.*))?")
 _REFLECTOR = re.compile(rf"([xyz])_?(\d+)_({'|'.join(LENGTH)})")  # one of several on the tool
 _PAYLOAD_CENTRE = re.compile(r"(payload_[xyz])(?:_(.*))?")
+_LOADS = (PAYLOAD, *(name.removesuffix("m") + unit for name in PAYLOAD_CENTRE for unit in LENGTH))
 # loads and temperatures have one unit: in any other they would be covariates of other numbers
 _LOAD = PAYLOAD.removesuffix("_kg")
 _OTHER_MASSES = {"", "lb", "lbs", "pound", "pounds", "oz", "g", "t", "n", "lbf"}
@@ -148,7 +149,7 @@ def parse_column(name: str, file: str, prismatic: frozenset[int] = frozenset()) 
     _check_load_or_temperature(name, file)
     if joint := _misspelt(name):
         raise InputError(f"is no quantity of a joint; did you mean {joint}?", file=file, column=name)
-    meant = difflib.get_close_matches(name.lower(), (*_MARKS, PAYLOAD), n=1, cutoff=_ALMOST_A_MARK)
+    meant = difflib.get_close_matches(name.lower(), (*_MARKS, *_LOADS), n=1, cutoff=_ALMOST_A_MARK)
     if meant and name != PAYLOAD and name.isidentifier():
         raise InputError(f"would not be read; did you mean {meant[0]}?", file=file, column=name)
     return Column("covariate", None, name)
