@@ -1,5 +1,5 @@
-"""A day of the check in another unit or mirrored is told; a base that was pushed or a zero that was lost is
-not taken for it."""
+"""A day of the check in another unit, mirrored or in another order is told; a base that was pushed or a zero
+that was lost is not taken for it."""
 
 import numpy as np
 import pytest
@@ -27,6 +27,14 @@ def test_another_unit_is_named_by_its_factor(points, scale, words):
 @pytest.mark.parametrize("columns, signs", [([0, 1, 2], [-1, 1, 1]), ([1, 0, 2], [1, 1, 1])])
 def test_a_mirror_image_is_named(points, columns, signs):
     assert "mirror" in day_mistake("Monday", points, points[:, columns] * signs, MOST_M)
+
+
+def test_rows_in_another_order_are_named(points):
+    words = lambda order: day_mistake("Monday", points, points[order], MOST_M)
+    assert "1 row too late, beside the angles" in words([5, 0, 1, 2, 3, 4])
+    assert "2 rows too early, beside the angles" in words([2, 3, 4, 5, 0, 1])
+    assert "in another order than the angles" in words([1, 0, 2, 3, 4, 5])
+    assert words([0, 1, 2, 3, 4, 5]) == ""
 
 
 @pytest.mark.slow

@@ -22,7 +22,7 @@ from exactarm.commands.steps import DETECTING, READING, SERIES, STEPS
 from exactarm.commands.suspicions import suspicions
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import POSES
-from exactarm.data.rows import Source
+from exactarm.data.rows import Source, by_name
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
 from exactarm.files.memory_table import is_memory_table
@@ -84,6 +84,7 @@ def check(robot: AnyRobot, before: AnyData, new: AnyData | Sequence[Any], *,
     files = listed(new)
     if not files:
         raise InputError("no data of later days; expected at least one file", file=reference.first_file)
+    files = _in_order(files)
     days = [(_label(each, i), poses(each)) for i, each in enumerate(files, start=1)]
     progress.stage(SERIES)
     _require_new(reference, days)
@@ -107,6 +108,14 @@ def check(robot: AnyRobot, before: AnyData, new: AnyData | Sequence[Any], *,
 def run(arguments: argparse.Namespace) -> CommandResult:
     return check(arguments.robot, arguments.before, arguments.files, days_per_year=arguments.days_per_year,
                  columns=dict(arguments.columns), seed=arguments.seed, progress=arguments.progress)
+
+
+def _in_order(files: list[Any]) -> list[Any]:
+    """As given; what stands in the order of letters (`day*.csv` of a shell) by the numbers in the names:
+    day2 before day10."""
+    if not all(isinstance(each, (str, Path)) for each in files):
+        return files
+    return sorted(files, key=by_name) if list(map(str, files)) == sorted(map(str, files)) else files
 
 
 def _label(data: Any, number: int) -> str:

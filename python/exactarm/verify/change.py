@@ -16,8 +16,10 @@ tau on (right Haar prior: Berger, Pericchi and Varshavsky 1998; Perez-Ortiz, Lar
 
     M_t = sum_tau sum_j w_j L_(tau,j)
 
-is an e-detector of the Shiryaev-Roberts kind (Shin, Ramdas and Rinaldo 2024): M_t - t is a martingale, so
-that by optional stopping the mean time to a false alarm at M_t >= c is at least c days. c = days a year: at
+with H = 1, every number by itself and g at its largest, among the hypotheses (what none of the others can
+do, as rows that stand in another order, would leave all of them as unlikely as no change), is an e-detector
+of the Shiryaev-Roberts kind (Shin, Ramdas and Rinaldo 2024): M_t - t is a martingale, so that by optional
+stopping the mean time to a false alarm at M_t >= c is at least c days. c = days a year: at
 most one false alarm a year on the mean. H is the derivative where nothing has moved, so that the prior is the
 same whatever is measured; what has moved is then told by fits of the changes themselves (explanation.py).
 
@@ -113,8 +115,8 @@ Days = Sequence[tuple[np.ndarray, np.ndarray]]  # y (m,), seen (m, m) of each, a
 
 @dataclass(frozen=True)
 class State:
-    """After day t: log_bayes (J, G, T): log L of hypothesis j, scale g and first day tau = first + 0 ... T -
-    1."""
+    """After day t: log_bayes (J + 1, G, T): log L of hypothesis j, the last one any move of all numbers,
+    scale g and first day tau = first + 0 ... T - 1."""
 
     log_bayes: np.ndarray
     first: int
@@ -152,19 +154,26 @@ class Detector:
         inverse, rest, freedom = level_of(total)
         shown = information - information @ inverse @ information
         pull = weighted - information @ (inverse @ total.weighted)
-        log_bayes = np.full((len(self._bases), len(SCALES), len(self._days)), 0.0)
-        for j, basis in enumerate(self._bases):
+        log_bayes = np.full((len(self._bases) + 1, len(SCALES), len(self._days)), -np.inf)
+        for j, basis in enumerate((*self._bases, np.eye(len(y)))):
             values, vectors = np.linalg.eigh(basis.T @ shown @ basis)
             values = np.maximum(values, 0.0)
             parts = np.einsum("tir,ti->tr", vectors, pull @ basis) ** 2
             for g, scale in enumerate(SCALES):
+                if j == len(self._bases) and scale < SCALES[-1]:
+                    continue
                 gain = scale**2 / (1.0 + scale**2 * values)
                 taken = np.minimum(np.sum(parts * gain, axis=1) / max(rest, 1e-300), 1.0 - 1e-12)
                 log_bayes[j, g] = -0.5 * np.sum(np.log1p(scale**2 * values), axis=1)
                 log_bayes[j, g] -= 0.5 * freedom * np.log1p(-taken)
-        weight_of_one = np.log(len(self._bases) * len(SCALES))
+        weight_of_one = np.log(_priors(len(self._bases)))
         statistic = float(np.exp(np.minimum(special.logsumexp(log_bayes) - weight_of_one, 700.0)))
         return State(log_bayes, self.gone, statistic)
+
+
+def _priors(count: int) -> int:
+    """How many pairs of hypothesis and scale share the weight."""
+    return count * len(SCALES) + 1
 
 
 def detect(before: Evidence, days: Days, hypotheses: Sequence[Hypothesis], boundary: float) -> Alarms:
@@ -232,7 +241,7 @@ def detectable(
     """
     share = occasions * days / (occasions + days)
     rank = shown(hypothesis.columns, RANK).shape[1]
-    goal = np.log(boundary * count * len(SCALES))
+    goal = np.log(boundary * _priors(count))
     sizes = []
     for scale in SCALES:
         spread = scale**2 * share
