@@ -1,5 +1,5 @@
-"""An option stands in the help of a command only where the command reads it; scripts may still give --seed
-and --threads to every command."""
+"""An option stands in the help of a command only where the command reads it, and is refused where it does
+nothing; scripts may still give --seed and --threads to every command."""
 
 import argparse
 import ast
@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from exactarm import cli
 from exactarm.commands.execute import parse, parser_of
 from exactarm.commands.listing import COMMANDS, find_commands, import_command
 
@@ -111,3 +112,44 @@ def test_a_command_takes_seed_and_threads_where_nothing_reads_them():
     arguments = parse(module, ["ur10", "--format", "urdf", "--out", "made", "--seed", "7", "--threads", "2"])
     assert (arguments.seed, arguments.threads) == (7, 2)
     assert not {"seed", "threads"} & shown(module)
+
+
+SIMULATE, SOCKET = ("simulate", "racer-7-1.4"), ("design", "ur10", "--contact", "socket")
+FOR, CAMERA = ("design", "ur10", "--for", "result.json"), ("design", "ur10", "--contact", "camera")
+
+
+@pytest.mark.parametrize("words, said", [
+    ((*SIMULATE, "--contact", "plane"), "--contact acts with --measure closures only"),
+    ((*SIMULATE, "--speed", "40"), "--speed acts with --measure gear only"),
+    ((*SIMULATE, "--torques", "1", "--measure", "gear"), "--torques acts with --measure poses or motion"),
+    ((*SIMULATE, "--engine", "own"), "--engine acts with --measure tracked or --compare only"),
+    ((*SIMULATE, "--compare", "line", "--noise", "1e-5"), "--noise acts without --compare only"),
+    ((*SIMULATE, "poses.csv", "--count", "5"), "--count acts without FILE only"),
+    ((*SIMULATE, "poses.csv", "--measure", "gear"), "poses.csv: --measure gear takes no FILE"),
+    ((*SIMULATE, "poses.csv", "--measure", "motion"), "takes a trajectory with time_s"),
+    (("calibrate", "ur10", "poses.csv", "--fixture", "fixture.toml"), "--fixture acts on rows with contacts"),
+    (("evaluate", "ur10", "poses.csv", "--fixture", "fixture.toml"), "these are poses"),
+    (("identifiable", "ur10", "--fixture", "fixture.toml"), "--fixture acts on rows with contacts only"),
+    (("identifiable", "ur10", "poses.csv", "--box", "0,1,0,1,0,1"), "--box acts without FILE only"),
+    (("compensate", "ur10", "part.script", "--frame", "device"), "--frame acts on a table"),
+    (("compensate", "ur10", "part.script", "--session", "1"), "--session acts with --frame device only"),
+    (("design", "ur10", "--acceptance", "400"), "--acceptance 400: expected degrees above 0, 180 at most"),
+    (("design", "ur10", "--acceptance", "40"), "--acceptance acts with --station X,Y,Z and --opening"),
+    (("design", "ur10", "--apart-mm", "20"), "--apart-mm acts with --contact socket only"),
+    (("design", "ur10", "--minutes", "visit=2"), "--minutes acts with --for RESULT only"),
+    ((*FOR, "--station", "3,0,1"), "--station acts without --for only"),
+    ((*FOR, "--contact", "socket"), "--contact acts without --for only"),
+    ((*SOCKET, "--program", "krl"), "--program acts without --contact only"),
+    ((*SOCKET, "--near-mm", "200"), "--near-mm acts with --contact camera only"),
+    ((*CAMERA, "--apart-mm", "20"), "--apart-mm acts with --contact socket only"),
+    ((*SOCKET, "--places", "2", "--at", "0.5,0,0.5"), "--places acts without --at only"),
+])
+def test_an_option_that_does_nothing_is_refused(words, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    header = ",".join(f"q_{i}_rad" for i in range(1, 7))
+    Path("poses.csv").write_text(f"{header},x_m,y_m,z_m\n" + "0.1,-1,1,0.2,1,0,0.5,0.1,0.4\n" * 3)
+    Path("fixture.toml").write_text('[[radii]]\ncontact = "sphere"\nnumber = 0\nradius_mm = 12.7\n')
+    Path("part.script").write_text("movej([0.8, -1.1, 1.5, -0.3, 1.0, -0.1])\n")
+    assert cli.main([*words, "--out", "out", "--quiet"]) == 2
+    told = capsys.readouterr().err
+    assert said in told and told.count("\n") == 1 and not Path("out/result.json").exists()

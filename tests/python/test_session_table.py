@@ -93,7 +93,8 @@ def test_the_table_is_named_with_its_hash(command, two_set_ups, tmp_path):
 
 
 def test_the_command_line_names_table_and_fixture_with_their_hashes(two_set_ups, tmp_path):
-    two_set_ups.to_csv(tmp_path / "poses.csv", index=False)
+    touched = two_set_ups.assign(sphere=-1)
+    touched.to_csv(tmp_path / "poses.csv", index=False)
     (tmp_path / "sessions.csv").write_text("session,payload_kg\n1,0\n2,4\n")
     (tmp_path / "fixture.toml").write_text('[[radii]]\ncontact = "sphere"\nnumber = 0\nradius_mm = 12.7\n')
     words = ["--sessions", str(tmp_path / "sessions.csv"), "--fixture", str(tmp_path / "fixture.toml")]

@@ -3,7 +3,7 @@
 import argparse
 import os
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from numbers import Integral
 from pathlib import Path
 from typing import Any
@@ -82,6 +82,17 @@ def add_common(parser: argparse.ArgumentParser, unused: Collection[str] = ()) ->
                        help=shown("threads", "most threads to use (default: all cores, here %(default)s)"))
     group.add_argument("--quiet", action="store_true", help="print nothing but errors")
     group.add_argument("--debug", action="store_true", help="print the traceback of an error")
+
+
+def require_acting(arguments: argparse.Namespace, add_arguments: Callable[[argparse.ArgumentParser], None],
+                   idle: Mapping[str, str]) -> None:
+    """Refuses options that were given and do nothing. idle: of those that do nothing in this run the name of
+    each, and with what it acts, as "with --station X,Y,Z"."""
+    parser = argparse.ArgumentParser(add_help=False)
+    add_arguments(parser)
+    for action in parser._actions:
+        if action.dest in idle and getattr(arguments, action.dest) != action.default:
+            raise InputError(f"{action.option_strings[-1]} acts {idle[action.dest]} only")
 
 
 def require_bounded(values: Mapping[str, Any]) -> None:

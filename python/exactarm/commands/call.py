@@ -62,6 +62,9 @@ def data_of(data: AnyData, robot: Robot, kind: str | None = None, fixture: AnyFi
         data = read_dataset(files, robot, kind, known or Fixture(), columns)
     elif known is not None:
         data = replace(data, fixture=known)
+    if known is not None and not data.contacts:
+        raise InputError("--fixture acts on rows with contacts only (socket, plane, sphere, bar, pair, tilt, "
+                         f"accel, u and v, partner_q); these are {data.kind.replace('_', ' ')}")
     data = data if sessions is None else with_sessions(data, sessions)
     if data.unweighed and not set(data.kinds) <= set(weighs):
         raise InputError(

@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from exactarm.commands.arguments import add_files, add_map, add_robot
+from exactarm.commands.arguments import add_files, add_map, add_robot, require_acting
 from exactarm.commands.call import (
     AnyRobot,
     AnyTable,
@@ -147,8 +147,11 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     _check(robot, arguments)
     work = jobs(arguments.files)
     setting = _setting(robot, arguments)
-    if setting.columns and not any(job.dialect is target_table for job in work):
-        raise InputError("--map names columns of tables; expected a table (.csv, .parquet) among the files")
+    if not any(job.dialect is target_table for job in work):
+        if setting.columns:
+            raise InputError("--map names columns of tables; expected a table (.csv, .parquet) among the "
+                             "files")
+        require_acting(arguments, add_arguments, {"frame": "on a table (.csv, .parquet) among FILE"})
     for job in work:
         _require_frames(job, setting)
     arguments.progress.plan(STEPS["compensate"])
@@ -212,7 +215,9 @@ def _check(robot: Robot, arguments: argparse.Namespace) -> None:
             raise InputError(f"{command} has written it for the real arm, says result.json beside it; a "
                              "second correction makes it wrong: expected the program before it, or --points "
                              "NAMES", file=path)
-    if arguments.frame == "device":
+    if arguments.frame == "base":
+        require_acting(arguments, add_arguments, {"session": "with --frame device"})
+    else:
         if arguments.frames != "nominal":
             raise InputError(
                 "--frame device: poses in the device's frame need no other base; expected --frames nominal")

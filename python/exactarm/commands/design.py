@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from exactarm.commands.arguments import add_robot
+from exactarm.commands.arguments import add_robot, require_acting
 from exactarm.commands.calibrate import dropped_table
 from exactarm.commands.call import (
     AnyFixture,
@@ -68,6 +68,12 @@ NAME = "design"
 LEAST_NOISE_MM = 1e-4  # a tenth of a micrometre: what is less was meant in m
 NOISE_MM = 0.05  # of a measured coordinate: a laser tracker on an arm that repeats to 0.03 mm
 NEAR_MM, FAR_MM, TILT_DEG = 1e3 * VIEWS.near, 1e3 * VIEWS.far, float(round(np.degrees(VIEWS.lean)))
+SOCKET = "socket"
+TOUCHED = (SOCKET, *SENSORS, *CAMERA)
+ACT_WITH_CONTACT = {  # options of `Calibration without a tracker`
+    "places": (SOCKET, *CAMERA), "at": (SOCKET, *CAMERA), "apart_mm": (SOCKET,),
+    **dict.fromkeys(("fixture", "near_mm", "far_mm", "tilt_deg"), CAMERA)}
+OF_A_TRACKER = ("validation", "frames", "use", "noise_mm", "station", "opening", "acceptance", "both_ways")
 HELP = "optimal measurement poses, and others to validate with"
 
 
@@ -100,7 +106,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     next_one.add_argument("--minutes", metavar="NAME=MINUTES", action="append", default=[],
                           help="what it costs to visit a pose (visit) or to mount a payload (payload)")
     touch = parser.add_argument_group("calibration without a tracker")
-    touch.add_argument("--contact", choices=("socket", *SENSORS, *CAMERA),
+    touch.add_argument("--contact", choices=TOUCHED,
                        help="design touches of two seats instead: where to put them, and the poses; tilt, "
                             "accel: poses to read a sensor on the flange in; camera: where to put a board, "
                             "and the poses to take pictures in")
@@ -218,13 +224,27 @@ def _views(arguments: argparse.Namespace) -> Views:
     return Views(1e-3 * near, 1e-3 * far, float(np.radians(tilt)))
 
 
+def _idle(arguments: argparse.Namespace) -> dict[str, str]:
+    """Options that do nothing for what is designed, and with which they act."""
+    known = arguments.diagnosis is not None
+    idle = {name: f"with --contact {' or '.join(contacts)}" for name, contacts in ACT_WITH_CONTACT.items()
+            if known or arguments.contact not in contacts}
+    if known:
+        idle |= dict.fromkeys(("count", "tool", "box", "clearance", "contact", *OF_A_TRACKER),
+                              "without --for")
+    elif arguments.contact is not None:
+        idle |= dict.fromkeys(("program", *OF_A_TRACKER), "without --contact")
+    if arguments.at:
+        idle.setdefault("places", "without --at")
+    return idle if known else idle | {"minutes": "with --for RESULT"}
+
+
 def run(arguments: argparse.Namespace) -> CommandResult:
+    require_acting(arguments, add_arguments, _idle(arguments))
     if arguments.diagnosis is not None:
         made = designed_for(robot_of(arguments.robot), arguments.diagnosis, minutes_of(arguments.minutes),
                             arguments.program)
         return replace(made, inputs=files_among(arguments.diagnosis))
-    if arguments.minutes:
-        raise InputError("--minutes acts with --for RESULT only")
     if arguments.contact is not None:
         return replace(_closures(arguments), inputs=files_among(arguments.fixture))
     return _poses(arguments)

@@ -11,7 +11,7 @@ from typing import Any, Literal
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.commands.arguments import add_files, add_fixture, add_robot
+from exactarm.commands.arguments import add_files, add_fixture, add_robot, require_acting
 from exactarm.commands.calibrate import dropped_table
 from exactarm.commands.call import (
     AnyFixture,
@@ -157,10 +157,14 @@ def _result(robot: Robot, check: ModelCheck, poses: _Poses, noise: float) -> Com
 
 def _touches(robot: Robot, arguments: argparse.Namespace) -> Dataset | None:
     """The rows of a file with contacts, measured or planned; None for other files."""
+    if arguments.files:
+        require_acting(arguments, add_arguments, dict.fromkeys(("count", "box", "clearance"), "without FILE"))
     fixture = fixture_of(arguments.fixture) or Fixture()
     data = read_planned_poses(arguments.files, robot) if arguments.files else None
     if data is None or not data.contacts:
+        require_acting(arguments, add_arguments, {"fixture": "on rows with contacts"})
         return None
+    require_acting(arguments, add_arguments, dict.fromkeys(("frames", "use"), "on poses"))
     return touches(replace(data, kind=CLOSURES.name, kinds=(CLOSURES.name,), fixture=fixture))
 
 

@@ -53,15 +53,17 @@ def station_of(position: Numbers | Station | None, opening: str | None = None,
     """Where --station says; None without."""
     if isinstance(position, Station):
         return position
+    if not 0.0 < acceptance_deg <= 180.0:
+        raise InputError(f"--acceptance {acceptance_deg:g}: expected degrees above 0, 180 at most")
+    if position is None and opening is not None:
+        raise InputError("--opening acts with --station X,Y,Z only")
+    if opening is None and acceptance_deg != ACCEPTANCE_DEG:
+        raise InputError("--acceptance acts with --station X,Y,Z and --opening X,Y,Z only")
     if position is None:
-        if opening is not None:
-            raise InputError("--opening acts with --station X,Y,Z only")
         return None
     axis = None if opening is None else numbers_of("--opening", opening, 3)
     if axis is not None and not np.any(axis):
         raise InputError(f"--opening {opening}: expected a direction, not zero")
-    if not 0.0 < acceptance_deg <= 180.0:
-        raise InputError(f"--acceptance {acceptance_deg}: expected degrees above 0, 180 at most")
     where = numbers_of("--station", position, 3)
     if np.linalg.norm(where) > FARTHEST_STATION_M:
         raise InputError(f"--station {position}: {np.linalg.norm(where):.4g} m from the robot; expected "

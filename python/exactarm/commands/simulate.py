@@ -17,7 +17,7 @@ from typing import Any, Literal
 import numpy as np
 
 from exactarm.commands import compare
-from exactarm.commands.arguments import add_files, add_robot
+from exactarm.commands.arguments import add_files, add_robot, require_acting
 from exactarm.commands.call import (
     AnyRobot,
     AnyTable,
@@ -33,7 +33,7 @@ from exactarm.commands.output import PICTURES
 from exactarm.commands.result import CommandResult
 from exactarm.commands.virtual_measurements import FILES, FIXTURE_FILES, MEASURES, SHOW_THE_TARGET, Played
 from exactarm.data.dataset import Dataset, dataset_columns, read_planned_poses
-from exactarm.data.kinds import CLOSURES, MOTION, POSES, TRACKED_MOTION
+from exactarm.data.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.design.joint_limits import beyond_limits
 from exactarm.errors import InputError
@@ -51,6 +51,20 @@ from exactarm.simulate.virtual_robot import one_sided, placed
 
 NAME = "simulate"
 HELP = "play a trajectory or measure poses, gears and motions on a virtual robot"
+COMPARED = "compare"  # stands beside the measures
+ACT_WITH = {  # options that not every measure reads
+    "frames": SHOW_THE_TARGET, "quasi_static": (MOTION.measured_as, TRACKED_MOTION.measured_as),
+    "damping": (MOTION.measured_as, TRACKED_MOTION.measured_as, COMPARED),
+    "engine": (TRACKED_MOTION.measured_as, COMPARED), "count": (POSES.measured_as, CLOSURES.measured_as),
+    "visits": (POSES.measured_as,), "contact": (CLOSURES.measured_as,), "places": (CLOSURES.measured_as,),
+    "orientation": (POSES.measured_as,), "joint": (GEAR_RUN.measured_as,), "speed": (GEAR_RUN.measured_as,),
+    "torques": (POSES.measured_as, MOTION.measured_as), "repeats": (GEAR_RUN.measured_as,),
+    "in_motion": (GEAR_RUN.measured_as,), "runs": (MOTION.measured_as,), "seconds": (MOTION.measured_as,),
+    "rate": (GEAR_RUN.measured_as, MOTION.measured_as, TRACKED_MOTION.measured_as, COMPARED),
+    "wrong_rows": SHOW_THE_TARGET,
+    "temperature": tuple(measure for measure in MEASURES if measure != CLOSURES.measured_as),
+}
+WITHOUT_A_FILE = ("count", "runs", "seconds")
 HIDDEN_OPTIONS = ("--effect",)  # the truth stands in truth.toml alone
 
 
@@ -174,10 +188,11 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     series = planned is not None and planned.time is not None
     measure = arguments.measure or (TRACKED_MOTION if series else POSES).measured_as
     _require(arguments, robot, measure, planned)
+    given = planned if series or measure == POSES.measured_as else None
+    _require_read(arguments, measure, given)
     random = np.random.default_rng(arguments.seed)
     virtual = _virtual(arguments, robot, measure, random)
     arguments.progress.stage(f"measuring {measure}")
-    given = planned if series or measure == POSES.measured_as else None
     played = MEASURES[measure](arguments, virtual, given, random)
     truth = virtual.true
     return CommandResult(
@@ -196,6 +211,7 @@ def _require_comparison(arguments: argparse.Namespace, robot: Robot) -> None:
         raise InputError("--engine pinocchio knows neither hidden effects nor damping: expected no --effect "
                          "and no --damping")
     _require_numbers(arguments)
+    require_acting(arguments, add_arguments, _idle(COMPARED))
     if not robot.has_geometry:
         raise InputError(f"robot {robot.name} declares no geometry; expected one for a path", file=robot.file)
 
@@ -210,6 +226,25 @@ def _require(arguments: argparse.Namespace, robot: Robot, measure: str, planned:
                          file=robot.file)
     if measure == TRACKED_MOTION.measured_as and (planned is None or planned.time is None):
         raise InputError("tracked motion: expected a trajectory.csv with time_s and theta_i_rad")
+
+
+def _require_read(arguments: argparse.Namespace, measure: str, given: Dataset | None) -> None:
+    """Whatever was given is read, `given` of the FILE."""
+    if arguments.files and (given is None or measure in (GEAR_RUN.measured_as, CLOSURES.measured_as)):
+        takes = "a trajectory with time_s" if measure == MOTION.measured_as else "no FILE"
+        raise InputError(f"--measure {measure} takes {takes}", file=arguments.files[0])
+    idle = _idle(measure) | (dict.fromkeys(WITHOUT_A_FILE, "without FILE") if arguments.files else {})
+    require_acting(arguments, add_arguments, idle)
+
+
+def _idle(played: str) -> dict[str, str]:
+    """Options that do nothing for a measure or COMPARED, and with which they act."""
+    found = {}
+    for name, measures in ACT_WITH.items():
+        if played not in measures:
+            words = f"with --measure {' or '.join(each for each in measures if each != COMPARED)}"
+            found[name] = words + " or --compare" * (COMPARED in measures)
+    return found | (dict.fromkeys(("noise", "counts"), "without --compare") if played == COMPARED else {})
 
 
 def _require_numbers(arguments: argparse.Namespace) -> None:
