@@ -1,5 +1,5 @@
-"""Numbers of the command line in another unit than the option's, refused with the option and what is
-expected; points in another unit, told where they are merged."""
+"""Numbers of the command line in another unit than the option's, or beyond what they can be, refused with the
+option and what is expected; points in another unit, told where they are merged."""
 
 import numpy as np
 import pandas as pd
@@ -8,6 +8,7 @@ import pytest
 import exactarm as ea
 from exactarm import cli
 
+SIMULATE = ["simulate", "racer-7-1.4"]
 DESIGN = ["design", "racer-7-1.4", "--count", "12", "--validation", "4"]
 
 
@@ -20,6 +21,19 @@ DESIGN = ["design", "racer-7-1.4", "--count", "12", "--validation", "4"]
      "--noise 0.05: expected a standard deviation in m, above 0, at most"),
     (["loop", "racer-7-1.4", "--effect", "gear_ratio joint=2 scale=3e-4", "--noise", "0.03"],
      "--noise 0.03: expected a standard deviation in m, above 0, at most"),
+    ([*SIMULATE, "--noise", "50"], "--noise 50: expected a standard deviation in m, at most 0.02"),
+    ([*SIMULATE, "--noise", "0.05"], "--noise 0.05: expected a standard deviation in m"),
+    ([*SIMULATE, "--noise", "50", "--measure", "gear"], "--noise 50: expected a standard deviation in rad/s"),
+    ([*SIMULATE, "--wrong-rows", "2"], "--wrong-rows 2: expected a share from 0 to 1"),
+    ([*SIMULATE, "--wrong-rows", "nan"], "--wrong-rows nan: expected a share"),
+    ([*SIMULATE, "--temperature", "-300", "20"], "--temperature -300: expected degrees Celsius, -100 to 200"),
+    ([*SIMULATE, "--temperature", "20", "293"], "--temperature 293: expected degrees Celsius"),
+    ([*SIMULATE, "--deviation", "inf"], "--deviation inf: expected 0 or more"),
+    ([*SIMULATE, "--effect", "backlash joint=2 width_rad=1e-4 width_rad=2e-4"], "width_rad is given twice"),
+    ([*SIMULATE, "--effect", "backlash joint=2 width_rad=0.3"],
+     "width_rad=0.3; expected a number from -0.01 to 0.01"),
+    ([*SIMULATE, "--effect", "coulomb_friction joint=2 torque_Nm=-3"], "expected a number from 0 to inf"),
+    ([*SIMULATE, "--effect", "backlash joint=2 width_rad=nan"], "width_rad=nan; expected a number"),
 ])
 def test_a_number_in_another_unit_is_refused(words, said, tmp_path, capsys):
     assert cli.main([*words, "--out", str(tmp_path / "out"), "--quiet"]) == 2

@@ -10,6 +10,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -30,6 +31,7 @@ from exactarm.commands.call import (
     threads_of,
 )
 from exactarm.commands.output import PICTURES
+from exactarm.commands.planning_arguments import MOST_NOISE_M
 from exactarm.commands.result import CommandResult
 from exactarm.commands.virtual_measurements import FILES, FIXTURE_FILES, MEASURES, SHOW_THE_TARGET, Played
 from exactarm.data.dataset import Dataset, dataset_columns, read_planned_poses
@@ -63,6 +65,22 @@ ACT_WITH = {  # options that not every measure reads
     "rate": (GEAR_RUN.measured_as, MOTION.measured_as, TRACKED_MOTION.measured_as, COMPARED),
     "wrong_rows": SHOW_THE_TARGET,
     "temperature": tuple(measure for measure in MEASURES if measure != CLOSURES.measured_as),
+}
+_ANY, _POSITIVE = sys.float_info.max, sys.float_info.min
+MOST_TORQUE_NOISE_NM = 1000.0  # a tenth of what the axes of the largest arms give
+LIMITS = {  # least, most and what is expected
+    **dict.fromkeys(("count", "places", "visits", "repeats", "runs"), (1, _ANY, "1 or more")),
+    **dict.fromkeys(("counts", "noise", "deviation", "damping"), (0, _ANY, "0 or more")),
+    **dict.fromkeys(("seconds", "rate", "speed"), (_POSITIVE, _ANY, "a positive number")),
+    "torques": (0, MOST_TORQUE_NOISE_NM, f"a standard deviation in Nm, at most {MOST_TORQUE_NOISE_NM:g}"),
+    "wrong_rows": (0, 1, "a share from 0 to 1"),
+    "temperature": (-100, 200, "degrees Celsius, -100 to 200"),  # kelvin of a hall are beyond
+}
+MOST_NOISE = {
+    POSES.measured_as: (MOST_NOISE_M, "m"), TRACKED_MOTION.measured_as: (MOST_NOISE_M, "m"),
+    CLOSURES.measured_as: (MOST_NOISE_M, "m (rad of a sensor of gravity)"),
+    GEAR_RUN.measured_as: (0.1, "rad/s"),  # 6 deg/s: twenty times that of a cheap gyroscope
+    MOTION.measured_as: (MOST_TORQUE_NOISE_NM, "Nm"),
 }
 WITHOUT_A_FILE = ("count", "runs", "seconds")
 HIDDEN_OPTIONS = ("--effect",)  # the truth stands in truth.toml alone
@@ -233,6 +251,10 @@ def _require_read(arguments: argparse.Namespace, measure: str, given: Dataset | 
     if arguments.files and (given is None or measure in (GEAR_RUN.measured_as, CLOSURES.measured_as)):
         takes = "a trajectory with time_s" if measure == MOTION.measured_as else "no FILE"
         raise InputError(f"--measure {measure} takes {takes}", file=arguments.files[0])
+    most, unit = MOST_NOISE[measure]
+    if arguments.noise is not None and arguments.noise > most:
+        raise InputError(f"--noise {arguments.noise:g}: expected a standard deviation in {unit}, at most "
+                         f"{most:g}")
     idle = _idle(measure) | (dict.fromkeys(WITHOUT_A_FILE, "without FILE") if arguments.files else {})
     require_acting(arguments, add_arguments, idle)
 
@@ -248,16 +270,11 @@ def _idle(played: str) -> dict[str, str]:
 
 
 def _require_numbers(arguments: argparse.Namespace) -> None:
-    for name, least in (("count", 1), ("places", 1), ("visits", 1), ("repeats", 1), ("runs", 1),
-                        ("counts", 0)):
-        if getattr(arguments, name) is not None and getattr(arguments, name) < least:
-            raise InputError(f"--{name} {getattr(arguments, name)}: expected {least} or more")
-    for name in ("seconds", "rate"):
-        if getattr(arguments, name) is not None and not getattr(arguments, name) > 0.0:
-            raise InputError(f"--{name} {getattr(arguments, name)}: expected a positive number")
-    for name in ("noise", "deviation", "damping", "torques"):
-        if getattr(arguments, name) is not None and not getattr(arguments, name) >= 0.0:
-            raise InputError(f"--{name} {getattr(arguments, name)}: expected 0 or more")
+    for name, (least, most, expected) in LIMITS.items():
+        given = getattr(arguments, name)
+        for value in given if isinstance(given, list) else [given]:
+            if value is not None and not least <= value <= most:
+                raise InputError(f"--{name.replace('_', '-')} {value:g}: expected {expected}")
 
 
 def _virtual(arguments: argparse.Namespace, robot: Robot, measure: str,

@@ -123,6 +123,8 @@ def parse_effect(text: str, axes: int) -> Effect:
         key, sign, value = word.partition("=")
         if not sign:
             raise InputError(f"--effect {name}: {word!r}; expected words like width_rad=4e-4")
+        if key in table:
+            raise InputError(f"--effect {name}: {key} is given twice")
         table[key] = _number(value)
     if known[name].per_joint and not (isinstance(table.get("joint"), int) and 1 <= table["joint"] <= axes):
         raise InputError(f"--effect {name}: expected joint=1 to joint={axes}")
@@ -149,6 +151,10 @@ def _built(cls: type[Effect], table: dict) -> Effect:
         close = difflib.get_close_matches(min(unknown), parameters, n=1) if unknown else []
         meant = f"did you mean {close[0]}?" if close else f"expected {', '.join(parameters)}"
         raise InputError(f"--effect {cls.name}: {wrong}; {meant}")
+    for parameter, value in zip(effect.parameters(), effect.values):
+        if not (np.isfinite(value) and parameter.lower <= value <= parameter.upper):
+            bounds = f"from {parameter.lower:g} to {parameter.upper:g}"
+            raise InputError(f"--effect {cls.name}: {parameter.name}={value:g}; expected a number {bounds}")
     return effect
 
 
