@@ -131,9 +131,14 @@ def _days(new: Sequence[tuple[str, Dataset]]) -> tuple[tuple[str, ...], list[Dat
             measured.append(data)
             continue
         for day in np.unique(number):
-            labels.append(f"day {day:g}" if len(new) == 1 else f"{label}, day {day:g}")
+            labels.append(day_label(day) if len(new) == 1 else f"{label}, {day_label(day)}")
             measured.append(data.select(number == day))
     return tuple(labels), measured
+
+
+def day_label(day: float) -> str:
+    """The day by its number as a file has it, a date as 20260101 in all its digits."""
+    return f"day {int(day) if day == np.floor(day) else float(day)}"
 
 
 def day_numbers(data: Dataset) -> np.ndarray | None:
