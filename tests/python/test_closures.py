@@ -16,8 +16,14 @@ from exactarm.diagnose.verdict import NOTHING
 from exactarm.errors import ComputationError, InputError
 from exactarm.files.examples import data_path
 from exactarm.identify.calibrate import CalibrationOptions, calibrate
-from exactarm.identify.closures import SCALE, calibrate_closures, declare_closures
-from exactarm.identify.declared import geometry_layout
+from exactarm.identify.closures import (
+    SCALE,
+    calibrate_closures,
+    declare_closures,
+    nominal_closures,
+    set_distance_errors,
+)
+from exactarm.identify.declared import carried_layout, geometry_layout
 from exactarm.identify.evaluate import evaluate_poses
 from exactarm.measurement.closures import touches
 from exactarm.measurement.target import Target
@@ -254,3 +260,13 @@ def test_a_tool_that_was_mounted_anew_gets_its_own_point():
     assert [tool.sessions for tool in found] == [(1,), (2,), (3,), (4,)]
     shift = np.subtract(found[2].values, found[0].values)
     np.testing.assert_allclose(shift[:2], [0.0, 2e-3], atol=2e-4)
+
+
+def test_the_distance_of_seats_that_were_touched_once_is_an_error():
+    """Two touches leave nothing for the noise: 1 / 0 was a fault of every command that judges rows so cut."""
+    robot, data = touched("ur10", "socket", 2, count=6)
+    arm = robot.nominal
+    layout = nominal_closures(arm, data, carried_layout(arm, data)).layout
+    first = [int(np.flatnonzero((data.contacts["socket"] == seat) & (data.session == 1))[0]) for seat in (0, 1)]
+    (error,) = set_distance_errors(arm, layout, data.select(np.array(first))).values()
+    assert 0.0 < error < 5e-3

@@ -35,6 +35,7 @@ from exactarm.robot.robot import Robot
 TAIL_FREEDOM = 4.0  # a slip of 10 sigma counts 7 %; normal noise is used to 95 %
 _FIRST_SIGMA = (1e-3, 2e-3)  # m, rad
 _LEAST_SIGMA = 1e-9
+_EXACT = 1e-30  # of the noise: rows that their own unknowns explain to the last digit
 # of every sort before any data, m or rad: from 0.014 to 0.7 mm (95 %), as seats, styli and trackers are
 _USUAL_SIGMA, _USUAL_SPREAD = 1e-4, 1.0  # median, standard deviation of the logarithm
 _ROUNDS, _SETTLED = 60, 2e-4
@@ -293,7 +294,7 @@ def _finished(fit, prediction, sigma, keep, worth, weight, pull, tail, settled) 
     # few numbers for each parameter: Huber's correction of the next order (1981, 7.6)
     few = 1.0 + (numbers - freedom) / max(numbers, 1) * float((slopes - slope) ** 2 @ each) / slope**2
     spread = few**2 * float(np.sum(worth[:, None] * psi**2)) / freedom
-    information = slope**2 / max(spread, 1e-300) * rows.T @ rows
+    information = slope**2 / max(spread, _EXACT) * rows.T @ rows
     covariance = _pseudo_inverse(information + pull.T @ pull)
     gradient = rows.T @ (np.sqrt(worth)[:, None] * psi).ravel() + pull.T @ tail
     free = ~fit.at_bound
