@@ -26,6 +26,7 @@ from exactarm.station import Station
 
 _FAST_RAD = 0.4  # differences of eighth order show 1 - 1.1e-6 of a wave that turns so far in a step
 SIGN_WIDTH_RAD_S = 0.02  # output side; a robot that moves at all moves ten times as fast
+SLIDES_RAD = 1e-3  # (m) a gear slides after some tenths (Al-Bender, Lampaert and Swevers 2005)
 # (columns of the station's signal, derivative (N, c, k)) -> what it does to the measurement, (N, m, k).
 Transfer = Callable[[tuple[int, ...], np.ndarray], np.ndarray]
 

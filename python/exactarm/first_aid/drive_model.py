@@ -21,6 +21,7 @@ from exactarm.chain import motion_record
 from exactarm.chain.loaded_arms import carried_bodies
 from exactarm.data.dataset import Dataset
 from exactarm.robot.robot import Robot
+from exactarm.view import SLIDES_RAD
 
 MOST_ROWS = 300  # of the linear model: 1,800 numbers for the 84 unknowns of six axes
 MOST_LOGGED = 20000  # rows that are filtered for it
@@ -114,6 +115,11 @@ class MotionSamples:
     since: np.ndarray
     carried: np.ndarray | None = None  # (N, 10) inertial parameters of the declared payload, frame n
 
+    @property
+    def moves(self) -> np.ndarray:
+        """(n,) bool: axes whose gears slide; friction or a brake may hold any torque of the others."""
+        return np.ptp(self.motion.q, axis=0) > SLIDES_RAD
+
     def with_angles(self, change: Callable[[np.ndarray], np.ndarray]) -> MotionSamples:
         """The columns of angles in the file changed, and with them their rates."""
         new = lambda values: change(values * self.angle_scale) / self.angle_scale
@@ -202,14 +208,16 @@ def explained(blocks: Sequence[Equations]) -> Explained:
     scaled = gram / np.outer(length, length) + _RIDGE * np.eye(len(length))
     x = np.linalg.solve(scaled, product / length) / length
     left = np.concatenate([block.left(x) for block in blocks])
-    n = left.shape[1]
+    n, counts = left.shape[1], np.isfinite(blocks[0].size)
     dry = np.sqrt(np.mean([(block.motion.dry / block.size) ** 2 for block in blocks], axis=0))
-    return Explained(np.sqrt(np.mean(left**2, axis=0)), x[11 * n : 12 * n] * dry)
+    return Explained(np.where(counts, np.sqrt(np.mean(left**2, axis=0)), 1.0), x[11 * n : 12 * n] * dry)
 
 
-def alone(samples: MotionSamples) -> Explained:
-    """The model of samples by themselves."""
-    return explained([Equations.of(samples, torque_sizes(samples.torque))])
+def alone(samples: MotionSamples, at_rest: np.ndarray | None = None) -> Explained:
+    """The model of samples by themselves; at_rest (n,) bool: axes that count for nothing, a share of
+    1."""
+    size = torque_sizes(samples.torque)
+    return explained([Equations.of(samples, size if at_rest is None else np.where(at_rest, np.inf, size))])
 
 
 def samples_of(robot: Robot, data: Dataset, most: int = MOST_ROWS,

@@ -71,7 +71,8 @@ def _with_ratio(samples: MotionSamples, data: Dataset, axis: int, scale: float) 
 def _left(samples: MotionSamples, dry: np.ndarray) -> np.ndarray:
     """(n,) share of every axis' torque that the declared masses, within their tolerance, leave; dry (N, n):
     sign of dry friction."""
-    robot, (rows, n), size = samples.motion.robot, samples.torque.shape, torque_sizes(samples.torque)
+    robot, (rows, n) = samples.motion.robot, samples.torque.shape
+    size = np.where(samples.moves, torque_sizes(samples.torque), np.inf)
     motion = samples.motion.arrays
     goal = (samples.torque - _core.inverse_dynamics(robot.core, *motion)) / size
     masses = _core.dynamics_regressor(robot.core, *motion) * (tolerance(robot) / NOISE)

@@ -44,10 +44,9 @@ from exactarm.rest_load import declared_constants
 from exactarm.robot.axes_in_words import axes_in_words
 from exactarm.robot.generic_masses import with_declared_masses
 from exactarm.robot.robot import Link, Robot
-from exactarm.view import SIGN_WIDTH_RAD_S
+from exactarm.view import SIGN_WIDTH_RAD_S, SLIDES_RAD
 
 _WORST_CONDITION = 1e3  # of scaled columns: a parameter behind it would carry noise, not mass
-_SLIDES_RAD = 1e-3  # (m) a gear slides after some tenths (Al-Bender, Lampaert and Swevers 2005)
 _BOOKKEEPING_MASS_KG = 5.0  # of links without a declared mass: no motion tells how a group is shared out
 
 # Steps as they are told, in their order.
@@ -151,7 +150,7 @@ def friction_layout(robot: Robot, record: MotionRecord) -> Layout:
 def axes_at_rest(robot: Robot, record: MotionRecord) -> np.ndarray:
     """Axes (from 0) that report a torque and whose gear never slides: any torque may be held there."""
     way = np.ptp(record.theta / robot.ratios, axis=0)
-    return record.measured_axes[way[record.measured_axes] < _SLIDES_RAD]
+    return record.measured_axes[way[record.measured_axes] < SLIDES_RAD]
 
 
 def inertial_layout(robot: Robot, base: BaseParameters) -> Layout:
