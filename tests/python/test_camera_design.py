@@ -84,7 +84,7 @@ def test_the_command_proposes_places_and_poses(tmp_path):
 
 @pytest.mark.parametrize(("more", "words"), [
     ([], "no board; expected --fixture"),
-    (["--near-mm", "800"], "expected 1 to 100000, the first smaller"),
+    (["--near-mm", "800"], "expected 1 to 100000, the nearer one smaller"),
     (["--tilt-deg", "95"], "expected degrees above 0, 80 at most"),
 ])
 def test_what_no_picture_can_be_designed_with_is_refused(tmp_path, capsys, more, words):

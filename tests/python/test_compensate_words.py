@@ -107,9 +107,20 @@ def test_a_model_that_is_the_controllers_own_is_told(tmp_path):
     """All targets were told to be corrected, by some 1e-6 nm."""
     (tmp_path / "targets.csv").write_text(TARGETS)
     told = ea.compensate("ur10", tmp_path / "targets.csv")
-    assert told.verdict == OWN and "nm" not in told.verdict
+    assert told.verdict == OWN and "nm" not in told.verdict and told["warnings"] == [OWN]
     changed = load_robot("ur10").with_controller_frames.with_joint(1, a=-0.63)
     assert "1 of 1 targets corrected" in ea.compensate(changed, tmp_path / "targets.csv").verdict
+
+
+@pytest.mark.parametrize("name, said", [("tx40", "robot tx40 has not the lengths and axes of ur10"),
+                                        ("racer-7-1.4", "is it another robot"), ("ur10", "")])
+def test_the_nominal_file_of_another_robot_is_told_first(tmp_path, name, said):
+    (tmp_path / "targets.csv").write_text(TARGETS)
+    if not said:
+        assert ea.compensate("ur10", tmp_path / "targets.csv", nominal=name).verdict == OWN
+        return
+    with pytest.raises(InputError, match=said):
+        ea.compensate("ur10", tmp_path / "targets.csv", nominal=name)
 
 
 def test_the_line_of_a_target_without_a_name_is_told_once(tmp_path):

@@ -119,6 +119,16 @@ def test_ur_description_holds_the_drawing_and_the_identified_arm():
         kinematics_yaml(load_robot("racer-7-1.4").with_joint(0, sign=-1.0))
 
 
+@pytest.mark.parametrize("format, given, said", [
+    ("ur_description", "x y", "--hash 'x y': expected calib_ and a whole number"),
+    ("ur_description", "calib_1\nmalicious: 1", "expected calib_ and a whole number"),
+    ("urdf", "calib_7", "--hash acts with --format ur_description only"),
+])
+def test_a_hash_of_another_form_is_refused(format, given, said):
+    with pytest.raises(InputError, match=said):
+        ea.export("ur10", format=format, hash=given)
+
+
 @pytest.mark.parametrize("name", ["tx40", "racer-7-1.4", "gen3lite"])
 def test_ur_description_of_another_arm_is_refused(tmp_path, capsys, name):
     words = ["export", name, "--format", "ur_description", "--out", str(tmp_path / "out"), "--quiet"]

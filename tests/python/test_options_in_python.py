@@ -54,7 +54,7 @@ def test_an_option_has_the_default_and_the_type_of_the_command_line(name):
     ("seed", 1.5, "argument seed: 1.5, expected a whole number"),
     ("seed", "7", "argument seed: '7', expected a whole number"),
     ("seed", None, "argument seed: None, expected a whole number"),
-    ("seed", 2**70, "argument --seed: a number of 18 hexadecimal digits; expected at most 64 bits"),
+    ("seed", 2**70, f"argument --seed: {2**70}; expected a whole number of at most {2**63 - 1} (64 bits)"),
     ("threads", 0, "argument threads: 0, expected 1 or more"),
     ("threads", "two", "argument threads: 'two', expected a whole number"),
 ])

@@ -100,6 +100,10 @@ def test_a_robot_without_gears_gets_no_motor_angles(tmp_path):
     ("words", "expected"),
     [
         (("design", "racer-7-1.4", "--count", "5"), "expected at least"),
+        (("design", "racer-7-1.4", "--validation", "-1"), "--validation -1: expected 0 or more"),
+        (("design", "ur10", "--contact", "socket", "--apart-mm", "5000"), "--apart-mm 5000: expected"),
+        (("design", "ur10", "--contact", "camera", "--near-mm", "900", "--far-mm", "300"),
+         "--near-mm 900, --far-mm 300: expected 1 to 100000, the nearer one smaller"),
         (("design", "racer-7-1.4", "--box", "0,1,0,1"), "expected 6 numbers"),
         (("design", "racer-7-1.4", "--box", "1,0,0,1,0,1"), "xmin 1 is not below xmax 0"),
         (("design", "racer-7-1.4", "--tool", "a,b,c"), "expected 3 numbers"),

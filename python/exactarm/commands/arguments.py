@@ -25,6 +25,9 @@ class NumbersParser(argparse.ArgumentParser):
         self._negative_number_matcher = _NUMBERS
 
 
+LARGEST_SHOWN = 10**40  # Python spells no number of thousands of digits
+
+
 def add_robot(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("robot", metavar="ROBOT",
                         help="robot file (.toml, .urdf) or the name of a shipped robot")
@@ -100,8 +103,10 @@ def require_bounded(values: Mapping[str, Any]) -> None:
     for name, value in values.items():
         for each in value if isinstance(value, (list, tuple)) else [value]:
             if isinstance(each, int) and abs(each) >= 2**63:
-                raise InputError(f"argument --{name.replace('_', '-')}: a number of {len(f'{each:x}')} "
-                                 "hexadecimal digits; expected at most 64 bits")
+                size = f"a number of {len(f'{each:x}')} hexadecimal digits"
+                shown = f"{each}" if abs(each) < LARGEST_SHOWN else size
+                raise InputError(f"argument --{name.replace('_', '-')}: {shown}; expected a whole number of "
+                                 f"at most {2**63 - 1} (64 bits)")
 
 
 def require_common(options: Mapping[str, Any]) -> None:

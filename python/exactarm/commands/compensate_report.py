@@ -12,7 +12,7 @@ from exactarm.compensate.frames import CellFrames
 from exactarm.compensate.law import CompensationModel
 from exactarm.compensate.program import Program
 from exactarm.errors import line_name
-from exactarm.identify.statistics import summarise
+from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.report import Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import quantity, with_prefixes
 from exactarm.report.plots.compensation import shift_per_target, shift_view
@@ -50,7 +50,8 @@ def summary_of(corrections: Sequence[Correction], frames: CellFrames, model: Com
             "refused": [str(error) for c in corrections for error in c.refused],
             "effects": [effect.label for effect in model.layout.effects],
             "not_compensated": list(model.left_out),
-            "warnings": _warnings(corrections, frames, model)}
+            "warnings": [*([OWN] if _own(_sizes(corrections)) else []),
+                         *_warnings(corrections, frames, model)]}
 
 
 def _program(correction: Correction) -> dict:
@@ -69,7 +70,12 @@ def _program(correction: Correction) -> dict:
                                  for bend in correction.bends]}
 
 
-def _sizes(corrections: Sequence[Correction]):
+def _own(sizes: ErrorSummary) -> bool:
+    """Whether targets were corrected and none of them moves."""
+    return bool(sizes.n and sizes.max < FINEST_M)
+
+
+def _sizes(corrections: Sequence[Correction]) -> ErrorSummary:
     sizes = np.concatenate([np.linalg.norm(c.shifts, axis=1) for c in corrections])
     return summarise(sizes[~np.isnan(sizes)])
 
@@ -100,7 +106,7 @@ def _warnings(corrections: Sequence[Correction], frames: CellFrames, model: Comp
 def report_of(robot: Robot, corrections: Sequence[Correction], frames: CellFrames, model: CompensationModel,
               radius: np.ndarray | None) -> Report:
     sizes = _sizes(corrections)
-    moved = sizes.n and sizes.max >= FINEST_M
+    moved = sizes.n and not _own(sizes)
     count = sum(len(correction.program.targets) for correction in corrections)
     written = _shown(_largest([correction.reached for correction in corrections]))
     if not sizes.n:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -66,6 +66,7 @@ from exactarm.robot.robot import Robot
 
 NAME = "design"
 LEAST_NOISE_MM = 1e-4  # a tenth of a micrometre: what is less was meant in m
+MOST_APART_MM = 1000.0  # two seats on one plate
 NOISE_MM = 0.05  # of a measured coordinate: a laser tracker on an arm that repeats to 0.03 mm
 NEAR_MM, FAR_MM, TILT_DEG = 1e3 * VIEWS.near, 1e3 * VIEWS.far, float(round(np.degrees(VIEWS.lean)))
 SOCKET = "socket"
@@ -162,8 +163,7 @@ def design(robot: AnyRobot, *, count: int = 50, validation: int = 13, tool_m: Nu
 
 def _poses(arguments: argparse.Namespace) -> CommandResult:
     arm = with_tool(robot_of(arguments.robot), arguments.tool)
-    if arguments.count < 1 or arguments.validation < 0:
-        raise InputError("--count: expected 1 or more, --validation: 0 or more")
+    _require_counts(arguments, {"count": 1, "validation": 0})
     chosen = DesignOptions(
         count=arguments.count, validation=arguments.validation, box=box_of(arguments.box),
         clearance=clearance_of(arguments.clearance),
@@ -189,18 +189,26 @@ def _poses(arguments: argparse.Namespace) -> CommandResult:
                          texts=texts)
 
 
+def _require_counts(arguments: argparse.Namespace, least: Mapping[str, int]) -> None:
+    for name, fewest in least.items():
+        if (given := getattr(arguments, name)) < fewest:
+            raise InputError(f"--{name} {given}: expected {fewest} or more")
+
+
 def _closures(arguments: argparse.Namespace) -> CommandResult:
     robot = with_tool(robot_of(arguments.robot), arguments.tool)
     at = tuple(tuple(numbers_of("--at", text, 3)) for text in arguments.at)
-    if arguments.places < 1 or arguments.count < 1 or not 0.0 < arguments.apart_mm < 1e3:
-        raise InputError("--places and --count: expected 1 or more; --apart-mm: expected between 0 and 1000")
+    _require_counts(arguments, {"places": 1, "count": 1})
+    if not 0.0 < arguments.apart_mm < MOST_APART_MM:
+        raise InputError(f"--apart-mm {arguments.apart_mm:g}: expected above 0 and below {MOST_APART_MM:g}")
+    views = _views(arguments)
     arguments.progress.stage("designing touches")
     options = ClosureDesignOptions(
         places=len(at) or arguments.places, count=arguments.count, apart=1e-3 * arguments.apart_mm, at=at,
         box=box_of(arguments.box), clearance=clearance_of(arguments.clearance), seed=arguments.seed,
         threads=arguments.threads)
     if arguments.contact in CAMERA:
-        return designed_pictures(robot, _camera(arguments.fixture), options, _views(arguments))
+        return designed_pictures(robot, _camera(arguments.fixture), options, views)
     if arguments.contact in SENSORS:
         return designed_readings(robot, arguments.contact, options)
     return designed_closures(robot, options)
@@ -218,7 +226,8 @@ def _camera(fixture: AnyFixture) -> CameraSetup:
 def _views(arguments: argparse.Namespace) -> Views:
     near, far, tilt = arguments.near_mm, arguments.far_mm, arguments.tilt_deg
     if not 1.0 <= near < far <= 1e5:
-        raise InputError(f"--near-mm {near:g}, --far-mm {far:g}: expected 1 to 100000, the first smaller")
+        raise InputError(f"--near-mm {near:g}, --far-mm {far:g}: expected 1 to 100000, the nearer "
+                         "one smaller")
     if not 0.0 < tilt <= 80.0:
         raise InputError(f"--tilt-deg {tilt:g}: expected degrees above 0, 80 at most")
     return Views(1e-3 * near, 1e-3 * far, float(np.radians(tilt)))

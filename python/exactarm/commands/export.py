@@ -4,6 +4,7 @@ loses."""
 from __future__ import annotations
 
 import argparse
+import re
 from collections.abc import Callable
 from glob import escape
 from pathlib import Path
@@ -35,6 +36,7 @@ HELP = "the identified arm as URDF (patched in place), ur_description, MJCF, tab
 UNUSED_OPTIONS = ("seed", "threads")  # nothing in it is random
 
 
+_HASH = re.compile(r"calib_[0-9]+")
 ROUNDING_M = 1e-9  # all formats hold nine digits or more of numbers of some metres; no device shows less
 FILES = {"urdf": "robot.urdf", "ur_description": "default_kinematics.yaml", "mjcf": "robot.xml",
          "csv": "parameters.csv", "offsets": "offsets.txt", "robodk": "station.py"}  # format -> its file
@@ -95,6 +97,10 @@ def export(robot: AnyRobot, *, format: str, source: str | Path | None = None, ha
         raise InputError(f"robot {arm.name} declares no geometry; expected one to export", file=arm.file)
     if format not in FORMATS:
         raise InputError(f"format {format!r}; expected one of {', '.join(FORMATS)}")
+    if hash is not None and format != "ur_description":
+        raise InputError("--hash acts with --format ur_description only")
+    if hash is not None and not _HASH.fullmatch(hash):
+        raise InputError(f"--hash {hash!r}: expected calib_ and a whole number, as the driver reports it")
     if source is not None:
         path_of(source, "a URDF or xacro")
     given = None if source is None else str(source)

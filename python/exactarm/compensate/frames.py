@@ -36,6 +36,9 @@ LEVER_M = 0.2  # an orientation error counts as the shift of a tool of that leng
 TOUCHED_M = 5e-5  # a reference point is touched, or a reflector measured, to about that
 PLAUSIBLE_M, PLAUSIBLE_RAD = 5e-3, 5e-3  # how far base and flange may be from where the tables have them
 LEAST_POINTS = 3
+# of the work space's size: `deviated` arms of the five shipped drawings are off by at most 0.006, by 0.02 at
+# three times the usual deviations, arms against another's drawing by 0.87 and more
+OTHER_ARM = 0.05
 MISSED_M = 5e-4  # a point that lies further off after the fit does not belong to this model
 
 
@@ -78,12 +81,17 @@ def cell_frames(robot: Robot, choice: AnyFile, tip: Placement, threads: int = 1)
     return _by_points(robot, choice if isinstance(choice, MemoryTable) else Path(choice), tip, threads)
 
 
-def _closest(robot: Robot, threads: int) -> tuple[Placement, Placement]:
+def _drawn(robot: Robot, threads: int) -> tuple[Poses, Poses]:
+    """Poses over the work space, by the controller's chain and by the identified one."""
     model = CompensationModel.of(robot)
     low, high = model.controller.limits
     low, high = np.where(np.isfinite(low), low, -np.pi), np.where(np.isfinite(high), high, np.pi)
     q = np.random.default_rng(SEED).uniform(low, high, (SAMPLES, model.actual.axes))
-    wanted, reached = model.controller.poses(q), model.reached(q, threads=threads)
+    return model.controller.poses(q), model.reached(q, threads=threads)
+
+
+def _closest(robot: Robot, threads: int) -> tuple[Placement, Placement]:
+    wanted, reached = _drawn(robot, threads)
     base, flange = Placement(), Placement()
     for _ in range(STEPS):
         placed = _placed(reached, base, flange)
@@ -165,4 +173,21 @@ def with_nominal(robot: Robot, nominal: Robot) -> Robot:
         )
     theirs = nominal.with_controller_frames.controller
     merged = replace(robot.controller, frames=theirs.frames, base=theirs.base, flange=theirs.flange)
-    return replace(robot, controller=merged)
+    found = replace(robot, controller=merged)
+    if robot.has_geometry:
+        _require_same_arm(found, nominal)
+    return found
+
+
+def _require_same_arm(robot: Robot, nominal: Robot) -> None:
+    """Its flange, base and flange fitted, stands about where the controller's frames have it."""
+    base, flange = _closest(robot, threads=1)
+    wanted, reached = _drawn(robot, threads=1)
+    apart = _placed(reached, base, flange).position - wanted.position
+    missed = float(np.sqrt(np.mean(np.sum(apart**2, axis=1))))
+    size = float(np.sqrt(np.mean(np.sum((wanted.position - wanted.position.mean(axis=0)) ** 2, axis=1))))
+    if missed > OTHER_ARM * size:
+        raise InputError(
+            f"--nominal: robot {nominal.name} has not the lengths and axes of {robot.name} (flanges "
+            f"{missed:.2g} m apart over the work space): is it another robot?"
+        )

@@ -206,7 +206,8 @@ def _numbers(path: AnyFile, rows: _Rows, index: int, name: str) -> np.ndarray:
         except ValueError:
             values[k] = np.nan
         if not np.isfinite(values[k]):
-            raise InputError(f"{cell[:40]!r}; expected a number", file=path, line=rows.lines[k], column=name)
+            found = f"{cells[index][:40]!r}{rows.dialect.ambiguity(cells[index])}"
+            raise InputError(f"{found}; expected a number", file=path, line=rows.lines[k], column=name)
     return values
 
 

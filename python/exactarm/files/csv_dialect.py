@@ -22,10 +22,14 @@ class Dialect:
     decimal: str = "."
 
     def plain(self, cell: str) -> str:
-        """A number's cell with a decimal point; what would be ambiguous becomes no number."""
+        """A number's cell with a decimal point; what would be ambiguous becomes empty."""
         if self.decimal == "." or ("." not in cell and "," not in cell):
             return cell
-        return cell.replace(",", ".") if "." not in cell else f"{cell} (decimal commas elsewhere)"
+        return cell.replace(",", ".") if "." not in cell else ""
+
+    def ambiguity(self, cell: str) -> str:
+        """Behind the cell, in a message: why it is no number; empty where that is plain to see."""
+        return " (a point, with decimal commas elsewhere)" if cell and not self.plain(cell) else ""
 
 
 def header_start(content: bytes) -> int:

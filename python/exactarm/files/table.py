@@ -208,7 +208,7 @@ def _numbers(path: str | Path, name: str, cells: pa.ChunkedArray, may_be_empty: 
     if dialect.decimal == ".":
         with suppress(pa.ArrowInvalid):
             return cells.cast(pa.float64())
-    return [np.nan if may_be_empty and not cell.strip() else _number(path, name, row, dialect.plain(cell))
+    return [np.nan if may_be_empty and not cell.strip() else _number(path, name, row, cell, dialect)
             for row, cell in enumerate(cells.to_pylist(), start=1)]
 
 
@@ -240,11 +240,12 @@ def _is_number(cell: str) -> bool:
     return "_" not in cell
 
 
-def _number(path: str | Path, name: str, row: int, cell: str) -> float:
-    if not _is_number(cell):
-        found = reprlib.repr(cell) if cell.strip() else "empty cell"
+def _number(path: str | Path, name: str, row: int, cell: str, dialect: Dialect) -> float:
+    plain = dialect.plain(cell)
+    if not _is_number(plain):
+        found = f"{reprlib.repr(cell)}{dialect.ambiguity(cell)}" if cell.strip() else "empty cell"
         raise InputError(f"{found}; expected a number", file=path, row=row, column=name)
-    return float(cell)
+    return float(plain)
 
 
 # -- Parquet -----------------------------------------------------------------------------------------
