@@ -96,6 +96,9 @@ def calibrate(robot: AnyRobot, data: AnyData, *, use: Literal["auto", "position"
     progress.plan(STEPS["calibrate"])
     progress.stage(READING)
     rows = require_poses(data_of(data, declared, kind, fixture, sessions, weighs=(POSES.name,)), CALIBRATORS)
+    for option, acts in (("--robust", robust), ("--use", use != "auto")):
+        if acts and rows.kind != POSES.name:
+            raise InputError(f"{option} acts on poses only, found {rows.kind}", file=rows.first_file)
     wrong = [axis for axis in compliance or () if not 1 <= axis <= declared.axes]
     if wrong:
         raise InputError(f"compliance: axis {wrong[0]} does not exist, expected 1 to {declared.axes}")

@@ -36,6 +36,7 @@ from exactarm.robot.robot import Robot
 NAME = "plan"
 HELP = "motor trajectory that puts the flange on a path (line, spiral, or a path file)"
 UNUSED_OPTIONS = ("seed",)  # nothing in it is random
+IPOPT = "ipopt"
 STANDS = 1e-4  # of the largest rate: an axis below only makes up for what springs give
 
 
@@ -119,6 +120,8 @@ def _path(given: str | Path | PlannedPath, rate_hz: float | None, duration_s: fl
     for name, choice in choices.items():
         if choice is not None and choice not in CHOICES[name]:
             raise InputError(f"{name} {choice!r}: expected one of {', '.join(CHOICES[name])}")
+    if choices["linear_solver"] and (choices["solver"] or path.solver) != IPOPT:
+        raise InputError(f"--linear-solver acts with --solver {IPOPT} only")
     if duration_s is not None:
         path = path.lasting(duration_s)
     chosen: dict[str, Any] = {"rate_hz": rate_hz, "nu": nu, **choices}
