@@ -21,10 +21,12 @@ from exactarm.effects.load_dependence import LoadDependence
 from exactarm.noise.estimate import normal_noise
 from exactarm.robot.generic_masses import with_generic_masses
 from exactarm.robot_file import load_robot
-from exactarm.simulate import Sensors, VirtualRobot, measure_gear_runs, parse_effect
+from exactarm.simulate import Sensors, VirtualRobot, measure_gear_runs, measure_poses, parse_effect
 from motions import fourier_motion, motion_data
 from rigid_arm import LINKS_ALONE
 from rigid_arm import rigid as rigid_arm
+from set_ups import joints_in_limits
+from test_closures import virtual
 from test_diagnose_poses import HIDDEN, data_with, ur10
 from test_selection import fitted_problem, poses
 
@@ -154,3 +156,19 @@ def test_rows_on_the_flank_that_a_guessed_load_does_not_give_are_not_wrong_by_th
         assert _could_be_right(trial, len(declared.effects), noise) == right
         known = replace(trial, layout=declared.joined(Layout.of((Backlash(2, (6e-4, 10.0)),))))
         assert not _could_be_right(known, len(declared.effects), noise)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("axis", [2, 3])
+def test_play_of_an_arm_without_masses_is_the_only_cause(axis):
+    """Where the guessed load changes its sign was tried at every fifteenth row: rows on the wrong flank left
+    one of these unexplained and gave the other a payload at 0.996 beside the play (seed 2; seed 1 was right
+    before, too)."""
+    robot, random = virtual("ur10", 2, f"backlash joint={axis} width_rad=8e-4")
+    q = joints_in_limits(robot.nominal, 120, random)
+    data = measure_poses(robot, q, Sensors(position_m=5e-5, orientation_rad=5e-5, counts=0), random)
+    found = diagnose(replace(robot.nominal, links=None), data)
+    assert found.verdict == EXPLAINED
+    (named,) = [finding for finding in found.findings if finding.probability >= 0.5]
+    low, high = named.intervals[0]
+    assert named.effect.label == f"backlash_{axis}" and low < 8e-4 < high

@@ -22,8 +22,9 @@ _TRANSITION_SHARE = 0.2
 _FRICTION_SHARE = 0.02  # of the largest load, where no friction is declared
 # to choose from, where the device shows the flank itself
 _FRICTION_SHARES = (0.003, 0.005, 0.0075, 0.011, 0.016, 0.023, 0.033, 0.048, 0.07, 0.1, 0.15, 0.22, 0.33)
-# of a generic load, where the real one may change its sign; fewer frictions are tried with each
-_BIAS_QUANTILES, _FEW = tuple(np.linspace(0.1, 0.9, 13)), 3
+# of a generic load, where the real one may change its sign, every fiftieth row: with every fifteenth, rows on
+# the wrong flank left an unknown function of the load the likelier one; fewer frictions are tried with each
+_BIAS_QUANTILES, _FEW = tuple(np.linspace(0.02, 0.98, 49)), 3
 _LEAST_FRICTION_NM = 0.1
 # deviations of the measured load that the flank takes to change: less, and noise would turn it over
 _CERTAIN = 3.0
