@@ -324,6 +324,18 @@ def test_wrong_options_are_refused_in_one_line(certified, tmp_path, capsys, chan
     assert line in error and "\n" not in error and not (tmp_path / "o" / "result.json").exists()
 
 
+def test_poses_at_rest_are_no_path(certified, tmp_path, capsys):
+    """A path of 61 m, with an accuracy of its own, stood on the certificate."""
+    robot, poses = str(certified / "calibrated" / "robot.toml"), certified / "new.csv"
+    again = tmp_path / "again.csv"
+    again.write_text(poses.read_text() + "\n")
+    for path, line in ((poses, "the file of the poses"), (again, "s apart, as of poses at rest")):
+        words = ["certify", robot, str(poses), "--path", str(path), "--out", str(tmp_path / "o"), "--quiet"]
+        assert cli.main(words) == 2
+        error = capsys.readouterr().err
+        assert f"{path}: --path: " in error and line in error and error.count("\n") == 1
+
+
 @pytest.mark.slow
 def test_a_wrong_key_or_cell_is_named_with_its_file(certified, tmp_path, capsys):
     (tmp_path / "about.toml").write_text("serialnumber = 3\n")

@@ -53,3 +53,13 @@ def test_points_merged_in_another_unit_are_told(unit, words, tmp_path):
     merged = ea.merge("ur10", tmp_path / "log.csv", tmp_path / "points.txt", unit=unit)
     found = [line for line in merged["warnings"] if "labelled as" in line]
     assert len(found) == bool(words) and all(words in line for line in found)
+
+
+@pytest.mark.parametrize("words, said", [
+    (["--seconds", "0.001"], "--seconds 0.001, --rate 500: 0 samples; expected 8 or more"),
+    (["--rate", "0.1"], "--seconds 10, --rate 0.1: 1 samples; expected 8 or more"),
+])
+def test_motions_of_a_few_samples_are_refused(tmp_path, capsys, words, said):
+    """Of none it was a fault."""
+    assert cli.main([*SIMULATE, "--measure", "motion", *words, "--out", str(tmp_path)]) == 2
+    assert capsys.readouterr().err == f"exactarm: error: {said}\n"

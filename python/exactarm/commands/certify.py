@@ -38,6 +38,7 @@ from exactarm.data.kinds import TRACKED_MOTION
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
 from exactarm.identify.statistics import summarise
+from exactarm.numerics.signals import typical_step
 from exactarm.progress import SILENT, Progress
 from exactarm.robot.controller_frames import in_base
 from exactarm.robot.robot import Placement, Robot
@@ -51,6 +52,7 @@ NAME = "certify"
 HELP = "a certificate: the arm before and after by ISO 9283 and on held-out poses, with its uncertainty"
 PDF = "certificate.pdf"
 WRITES = (*PICTURES, "residuals.csv", PDF)
+_SLOWEST_LOG_S = 1.0  # of a tracker along a path: ten times the step of the slowest ones
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -94,7 +96,7 @@ def certify(robot: AnyRobot, data: AnyData, *, before: AnyRobot | None = None, p
         raise InputError(
             f"--before: {earlier.axes} axes, the robot has {arm.axes}; expected a model of the same arm")
     paths: list[Any] = [table_option(each, f"path_{i}") for i, each in enumerate(listed(path), start=1)]
-    followed = _followed(paths, arm)
+    followed = _followed(paths, arm, rows)
     progress.stage(CHECKING)
     within_memory("evaluate", rows.kind, rows)
     with suspicions(arm, rows, *followed) as found:
@@ -118,9 +120,19 @@ def run(arguments: argparse.Namespace) -> CommandResult:
                    **{key: getattr(arguments, key) for key in KEYS if getattr(arguments, key) is not None})
 
 
-def _followed(path: AnyData, arm: Robot) -> tuple[Dataset, ...]:
+def _followed(path: AnyData, arm: Robot, poses: Dataset) -> tuple[Dataset, ...]:
     """Tracked motions, file by file: a file without a column `session` was measured in the poses' set-up."""
-    return tuple(data_of(file, arm, TRACKED_MOTION.name) for file in listed(path))
+    found = tuple(data_of(file, arm, TRACKED_MOTION.name) for file in listed(path))
+    for data in found:
+        same = {source.sha256 for source in data.sources} & {source.sha256 for source in poses.sources}
+        if same:
+            raise InputError("--path: the file of the poses; expected a motion along a path",
+                             file=data.first_file)
+        time = np.asarray(data.time)[data.run == data.run[0]]
+        if (step := typical_step(time)) > _SLOWEST_LOG_S:
+            raise InputError(f"--path: rows {step:.3g} s apart, as of poses at rest; expected a motion, rows "
+                             f"{_SLOWEST_LOG_S:g} s apart or less", file=data.first_file)
+    return found
 
 
 def _certify(arm: Robot, earlier: Robot, data: Dataset, followed: tuple[Dataset, ...], told: dict[str, Any],

@@ -29,7 +29,7 @@ from exactarm.simulate.closures import fixture_text, measure_closures
 from exactarm.simulate.independent import independent_path
 from exactarm.simulate.measure import true_path
 from exactarm.simulate.partner import FILE as PARTNER_FILE
-from exactarm.simulate.profiles import excitation, limit
+from exactarm.simulate.profiles import LEAST_OF_A_RUN, excitation, limit
 
 _SPEEDS = (0.4, 0.3)  # of the largest rate, as in the thesis (3.1.2)
 PAYLOADS = (PAYLOAD, *PAYLOAD_CENTRE)
@@ -128,9 +128,12 @@ def _motion(arguments: argparse.Namespace, virtual: VirtualRobot, planned: Datas
             random: np.random.Generator) -> Played:
     joints = None
     if planned is None:
-        pieces = []
+        pieces, rate = [], arguments.rate or 500.0
+        if (samples := round(arguments.seconds * rate)) < LEAST_OF_A_RUN:
+            raise InputError(f"--seconds {arguments.seconds:g}, --rate {rate:g}: {samples} samples; expected "
+                             f"{LEAST_OF_A_RUN} or more")
         for _ in range(arguments.runs):
-            time, q = excitation(virtual.nominal, arguments.seconds, arguments.rate or 500.0, random)
+            time, q = excitation(virtual.nominal, arguments.seconds, rate, random)
             pieces.append((time, virtual.motor_angles(q)))
         time, theta = (np.concatenate([piece[k] for piece in pieces]) for k in (0, 1))
         run = np.repeat(np.arange(1, len(pieces) + 1), [len(piece[0]) for piece in pieces])

@@ -14,6 +14,7 @@ _NO_LIMIT = {"q_min": -2.0, "q_max": 2.0, "q_dot_max": 2.0, "q_ddot_max": 6.0}
 _MARGIN = 0.05  # of the range, left at either end
 _HARMONICS = 5  # Swevers et al. 1997
 _SHARE = 0.6  # of the largest rate and acceleration
+LEAST_OF_A_RUN = 8  # samples: rates are differences of eighth order
 
 
 def limit(robot: Robot, name: str) -> np.ndarray:
