@@ -1,6 +1,7 @@
 """`exactarm plan` through the command line: files, keys, options, refusals."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -50,9 +51,20 @@ def test_options_replace_those_of_the_path_and_parquet_is_written(tmp_path):
     (("racer-7-1.4", "line", "--start", "a,b"), 2, "--start"),
     (("racer-7-1.4", "line", "--start", "1,2"), 2, "start"),
     (("racer-7-1.4", "line", "--rate", "400", "--duration", "0.2"), 1, "shortest duration"),
+    (("racer-7-1.4", "mm.toml"), 2, "mm.toml: key start_m: found [834, 0, 1000], expected three coordinates"),
 ])
-def test_failures_end_with_their_code_and_one_line(tmp_path, capsys, words, code, text):
+def test_failures_end_with_their_code_and_one_line(tmp_path, monkeypatch, capsys, words, code, text):
+    monkeypatch.chdir(tmp_path)
+    line = "start_m = [834, 0, 1000]\nend_m = [834, 50, 1000]\n"
+    Path("mm.toml").write_text(f'kind = "line"\nduration_s = 1.0\n{line}')
     found, result = run(tmp_path, *words)
     error = capsys.readouterr().err.strip().splitlines()
     assert found == code and result is None
     assert error[-1].startswith("exactarm: error:") and text in error[-1]
+
+
+def test_a_path_that_is_not_followed_is_told(tmp_path):
+    """A weight of the input by which the flange misses by millimetres; by the default it is nanometres."""
+    for nu, told in (("1e6", True), ("1e-14", False)):
+        code, result = run(tmp_path / nu, "racer-7-1.4", "line", "--rate", "200", "--nu", nu)
+        assert code == 0 and any("misses the path by up to" in line for line in result["warnings"]) == told

@@ -24,13 +24,14 @@ from exactarm.plan.compensation import (
 )
 from exactarm.plan.inverse_kinematics import inverse_kinematics
 from exactarm.plan.limits import Violation, shortest_duration, violations
-from exactarm.plan.path_file import PlannedPath
+from exactarm.plan.path_file import NU, PlannedPath
 from exactarm.plan.reference import Reference
 from exactarm.robot.robot import Robot
 
 LEAST_KNOTS = 12  # fewer leave no freedom between the two ends
 ENERGY_SHARE = 0.99  # of the input, below the bandwidth
 NO_INPUT_RAD_S2 = 1e-6  # output side: an axis below does not move
+_OFF_PATH_M = 5e-5  # beyond what arms repeat to
 _DISPLACEMENT_PASSES = 3
 _MEMORY_PASSES = 3  # an effect that remembers the motor's way sees the motor that makes up for it
 
@@ -228,6 +229,9 @@ def _plan(model, path, reference, q_desired, known, motion, broken, fits, warnin
     if broken:
         warnings += tuple(f"the reference is faster than the drives: {violation}" for violation in broken)
         warnings += (f"the shortest duration that fits is {fits:.3f} s",) if fits else ()
+    if tracking.position_max > _OFF_PATH_M and not broken:
+        warnings += (f"the flange misses the path by up to {1e3 * tracking.position_max:.2g} mm: nu "
+                     f"{path.nu:g} weighs smooth motors against it; the default is {NU:g}",)
     if motion.status == "acceptable":
         warnings += ("the solver stopped at its acceptable level",)
     return Plan(

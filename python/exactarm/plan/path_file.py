@@ -20,6 +20,8 @@ from exactarm.plan.reference import Curve, Line, Points, Reference, Spiral, samp
 
 SHIPPED = Path(__file__).parent.parent / "data" / "paths"
 MOST_SAMPLES = 2_000_000
+NU = 1e-14  # weight of the input where the path says none
+_FARTHEST_M = 100.0  # from the base: no arm, with its rail, goes so far
 CHOICES = {
     "gear_direction": ("motion", "cw", "ccw"),
     "input": ("acceleration", "jerk"),
@@ -36,7 +38,7 @@ class PlannedPath:
     curve: Curve
     duration: float
     rate_hz: float = 1000.0
-    nu: float = 1e-14
+    nu: float = NU
     orientation_wxyz: np.ndarray = None
     gear_direction: str = "motion"
     input: str = "acceleration"
@@ -104,7 +106,7 @@ class _Reader:
                              f"{MOST_SAMPLES}", file=self.file)
         wxyz = self._orientation(curve)
         chosen = {key: self._choice(key, options) for key, options in CHOICES.items()}
-        return PlannedPath(curve, duration, rate, self.number("nu", least=0.0, default=1e-14), wxyz,
+        return PlannedPath(curve, duration, rate, self.number("nu", least=0.0, default=NU), wxyz,
                            name=name, **chosen)
 
     def number(self, key: str, least: float | None = None, default: float | None = None) -> float:
@@ -119,8 +121,10 @@ class _Reader:
     def numbers(self, key: str, shape: tuple[int | None, ...], expected: str) -> np.ndarray:
         if not fits_shape(self.table.get(key), shape):
             raise self.refuse(key, expected)
-        return np.array(self.table[key],
-                        dtype=float).reshape([-1 if size is None else size for size in shape])
+        found = np.array(self.table[key], float).reshape([-1 if size is None else size for size in shape])
+        if key.endswith("_m") and np.abs(found).max(initial=0.0) > _FARTHEST_M:
+            raise self.refuse(key, f"{expected}, {_FARTHEST_M:g} m at most (in mm?)")
+        return found
 
     def _line(self) -> Line:
         three = "three coordinates in m"
