@@ -7,6 +7,7 @@ import pytest
 
 import exactarm as ea
 from exactarm.commands.certify import _followed
+from exactarm.data.dataset import Dataset
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
 
@@ -121,7 +122,8 @@ def test_lists_within_lists_are_refused():
 def test_a_followed_path_in_memory_is_one_table():
     arm = ea.load_robot("ur10")
     time = {"time_s": 0.01 * np.arange(ROWS)}
-    path = _followed(pd.DataFrame(time | COLUMNS), arm)
+    poses = Dataset.of_arrays("poses", {"q": np.zeros((1, 6))})
+    path = _followed(pd.DataFrame(time | COLUMNS), arm, poses)
     assert len(path) == 1 and len(path[0]) == ROWS
 
 

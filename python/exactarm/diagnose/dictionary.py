@@ -3,7 +3,7 @@
 Of one signal s (c a place, w a width, both searched):
 
     a*s   a*s^2   a*s^3   a*s + b*s^2   a*step(s - number)
-    a*abs(s - c)   a*tanh((s - c)/w)   a*exp(s/w)   a*exp(-s/w)
+    a*abs(s - c)   a*tanh((s - c)/w)   a*exp(-((s - c)/w)^2)   a*exp(s/w)   a*exp(-s/w)
     a*sin(k*s) + b*cos(k*s), k = 1 ... 6 (angles)
 
 of two, s and t:
@@ -49,6 +49,8 @@ _WIDTHS = (
     1.0,
     1.6,
 )  # of half the signal's range; between two of them a curve moves by a few per cent
+# of a place that is worn: nearer to each other than its width, and narrow
+_SPOTS, _SPOT_WIDTHS = tuple(np.linspace(0.04, 0.96, 24)), (0.063, 0.1, 0.16, 0.25, 0.4)
 _TERMS, _TERMS_OF_TWO = 8, 3  # of a series: half a wave is then an eighth of the range
 _SERIES_LENGTH = LENGTHS[1]
 _SERIES = "series"  # heading of what is no short formula
@@ -81,7 +83,8 @@ def _of_one(joint: int, name: str, values: np.ndarray, term: int) -> list[Expres
     half = max(0.5 * (high - low), 1e-12)
     s = _centred(name, low, high)
     places = tuple(dict.fromkeys(_short(v) for v in np.quantile(values, _PLACES)))
-    widths = tuple(_short(half * w) for w in _WIDTHS)
+    spots = tuple(dict.fromkeys(_short(v) for v in np.quantile(values, _SPOTS)))
+    widths, narrow = (tuple(_short(half * w) for w in each) for each in (_WIDTHS, _SPOT_WIDTHS))
     texts = [f"a*{s}", f"a*{s}^2", f"a*{s}^3", f"a*{s} + b*{s}^2"]
     texts += [f"a*step({_less(name, place)})" for place in places]
     if name.startswith("q_"):
@@ -89,6 +92,7 @@ def _of_one(joint: int, name: str, values: np.ndarray, term: int) -> list[Expres
     made = [_expression(joint, text, {name: values}, {}, term) for text in texts]
     for text, grids in ((f"a*abs({name} - c)", {"c": places}),
                         (f"a*tanh(({name} - c)/w)", {"c": places, "w": widths}),
+                        (f"a*exp(-(({name} - c)/w)^2)", {"c": spots, "w": narrow}),
                         (f"a*exp({s}/w)", {"w": widths[2:]}), (f"a*exp(-{s}/w)", {"w": widths[2:]})):
         made.append(_expression(joint, text, {name: values}, grids, term))
     return [effect for effect in made if effect is not None] + [_series(joint, {name: values}, term)]

@@ -200,6 +200,8 @@ def _likeliest(fitted: Fitted, absorbed: Absorbed, forms: list[Expression]):
 def _draft(problem: Problem, before: Fitted, after: Fitted, log_bayes: float, probability: float,
            short: bool) -> Draft:
     effect, where, free = after.layout.effects[-1], after.layout.slices[-1], after.layout.free[-1]
+    # what was found is plausible from now on: a library that doubts its own sizes would never name them again
+    effect = replace(effect, plausible=tuple(np.maximum(effect.plausible, np.abs(effect.values)).tolist()))
     intervals = np.column_stack([effect.values, effect.values]).astype(float)
     intervals[free] = after.fit.interval()[where]
     signals = {name: signal_of(after.view, name) for name in effect.of}

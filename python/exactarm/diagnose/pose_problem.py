@@ -83,11 +83,10 @@ class PoseProblem(ProblemAtRest):
             drawn=self.calibrated.drawn)
         prediction = result.prediction
         residual = prediction.residual(self.orientation)
-        sigma = [result.sigma_position] * 3 + ([result.sigma_orientation] * 3 if self.orientation else [])
         view = prediction.view
         view.signals["residual"] = residual
         jacobian = prediction.jacobian[:, : residual.shape[1]]
-        fitted = PoseFitted(self.robot, result.layout, result.fit, residual, jacobian, np.array(sigma),
+        fitted = PoseFitted(self.robot, result.layout, result.fit, residual, jacobian, result.sigma,
                             weight, view, drawing=self.calibrated.drawn.to)
         view.signals["scale"] = fitted.scale
         return fitted

@@ -1,7 +1,8 @@
 """Fits a layout to static poses: weighted least squares through the chain, frames of all sessions at once.
 
 Position and orientation carry different noise: two variances, estimated together with the parameters
-(layout_fit.py).
+(layout_fit.py); a variance for every component where these differ much, as of a device that tells the
+distance better than its angles: weighed alike, the noise of one is in all parameters.
 """
 
 from dataclasses import dataclass
@@ -16,20 +17,33 @@ from exactarm.numerics.regression import Fit
 from exactarm.robot.robot import Robot
 
 _FIRST_SIGMA = 1e-4  # m, rad
+# of the standard deviations of what is left of two components: up to here weights that are alike make an
+# estimate of all three no worse than by a fifth, and a cause that is missing makes them differ, too
+_APART = 2.0
+_ROWS_A_PARAMETER = 1.5  # fewer rows do not tell the components apart
 
 
 @dataclass(frozen=True)
 class PoseFit:
-    """The layout at its estimate, the fit, the standard deviations (m, rad) of the residual components, and
-    the prediction of the fitted rows with its Jacobian."""
+    """The layout at its estimate, the fit, the standard deviations (3,) or (6,) of the residual components
+    (m, rad), and the prediction of the fitted rows with its Jacobian."""
 
     robot: Robot
     layout: Layout
     fit: Fit
-    sigma_position: float
-    sigma_orientation: float | None
+    sigma: np.ndarray
     prediction: PosePrediction
     drawn: Drawn = FREE
+
+    @property
+    def sigma_position(self) -> float:
+        """m, root mean square of the components."""
+        return float(np.sqrt(np.mean(self.sigma[:3] ** 2)))
+
+    @property
+    def sigma_orientation(self) -> float | None:
+        """rad; None where positions alone were fitted."""
+        return float(np.sqrt(np.mean(self.sigma[3:] ** 2))) if len(self.sigma) > 3 else None
 
     def error(self, data: Dataset, threads: int = 1) -> np.ndarray:
         """(N,) Euclidean position errors in m on any rows of the same sessions."""
@@ -62,6 +76,19 @@ def fit_poses(robot: Robot, layout: Layout, data: Dataset, *, orientation: bool 
     first = np.full(alike.size, _FIRST_SIGMA) if sigma is None else np.repeat(np.asarray(sigma, float), 3)
     found = fit_layout(predict, layout, weight, first, alike=alike, robust=robust, tolerance=tolerance,
                        drawing=drawn.to, worth=worth)
-    return PoseFit(
-        robot, found.layout, found.fit, float(found.sigma[0]), float(found.sigma[3]) if orientation else None,
-        accepted[0], drawn)
+    left = accepted[0].residual(orientation)[weight > 0.0]
+    apart = _numbered(np.sqrt(np.mean(left**2, axis=0)))
+    if not robust and np.any(apart != alike) and len(left) >= _ROWS_A_PARAMETER * layout.size:
+        found = fit_layout(predict, found.layout, weight, found.sigma, alike=apart, tolerance=tolerance,
+                           drawing=drawn.to, worth=worth)
+    return PoseFit(robot, found.layout, found.fit, found.sigma, accepted[0], drawn)
+
+
+def _numbered(spread: np.ndarray) -> np.ndarray:
+    """(m,) number of the variance of each component, by what is left of them (m,): one a kind where they are
+    nearly alike, else each its own."""
+    found = np.zeros(0, int)
+    for kind in np.split(spread, range(3, len(spread), 3)):
+        own = np.arange(3) if kind.max() > _APART * kind.min() else np.zeros(3, int)
+        found = np.append(found, own + found.max(initial=-1) + 1)
+    return found
