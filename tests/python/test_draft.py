@@ -25,6 +25,8 @@ FOREIGN = {
     "product": (6, {"q_2", "q_3"}, lambda q, h: 4e-4 * q[:, 1] * q[:, 2]),
     "second harmonic of another axis": (2, {"q_5"}, lambda q, h: 3e-4 * np.sin(2.0 * q[:, 4] + 0.4)),
     "saturation over a covariate": (3, {"humidity"}, lambda q, h: 4e-4 * np.tanh((h - 50.0) / 8.0)),
+    # was a series, which its own plausible sizes kept from being found again
+    "worn place": (3, {"q_3"}, lambda q, h: 1e-3 * np.exp(-(((q[:, 2] + 0.6) / 0.3) ** 2))),
     "no formula of the dictionary": (
         4,
         {"q_2"},
