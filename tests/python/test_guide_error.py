@@ -227,10 +227,34 @@ def rail(seed: int, size_m: float):
                                for amplitude, length, phase in motions], axis=1)
 
 
+def on_a_rail(motions, count: int, seed: int):
+    """A deviated arm on a track with these motions (N,) -> (N, 6), and poses of it."""
+    random = np.random.default_rng(seed)
+    robot = arm_on_a_track()
+    off = lambda joint: {name: getattr(joint, name) + 3e-4 * random.normal() for name in ("d", "a", "alpha")}
+    true = placed(replace(robot, joints=tuple(replace(joint, **off(joint)) for joint in robot.joints)), seed)
+    q = angles(robot, count, seed)
+    _, moved = moved_by_the_guide(true, q, 0, motions(q[:, 0]))
+    return robot, poses(q, moved + NOISE_M * random.normal(size=moved.shape))
+
+
 def panels_of(result) -> set[str]:
     """Titles of the panels of its figure of causes."""
     figure, = (figure for figure in result.report.figures if figure.name == "effects")
     return {axes.get_title() for axes in figure.build().axes}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_rail_that_shifts_and_does_not_turn_is_found(seed):
+    """A bow of 0.6 mm under a long carriage: 48 terms of turns without a size left an unknown function of the
+    device the likelier one."""
+    bow = lambda x: 6e-4 * np.stack([0.0 * x, (x / WAY_M - 0.5) ** 2 * 4.0, *(0.0 * x,) * 4], axis=1)
+    robot, data = on_a_rail(bow, 150, seed)
+    result = ea.diagnose(robot, data, seed=seed, threads=1)
+    assert result["verdict"] == "explained"
+    assert ("guide_error", 1) in {(found["effect"], found["joint"]) for found in result["effects"]}
+    assert result.after["validation"].rms < 0.6 * result.before["validation"].rms
 
 
 @pytest.mark.slow
@@ -240,13 +264,8 @@ def test_a_hidden_bent_rail_is_found_and_nothing_beside_it(seed, size_m, count):
 
     Held-out errors of 9 to 59 NOISE_M fall to 2.2 to 2.6 (noise alone: 1.7), so that six tenths left are a
     failure. Of the motions a third of the largest may be missing: fewer poses than terms have fitted them."""
-    random = np.random.default_rng(seed)
-    robot = arm_on_a_track()
-    off = lambda joint: {name: getattr(joint, name) + 3e-4 * random.normal() for name in ("d", "a", "alpha")}
-    true = placed(replace(robot, joints=tuple(replace(joint, **off(joint)) for joint in robot.joints)), seed)
-    q, motions = angles(robot, count, seed), rail(seed, size_m)
-    _, moved = moved_by_the_guide(true, q, 0, motions(q[:, 0]))
-    data = poses(q, moved + NOISE_M * random.normal(size=moved.shape))
+    motions = rail(seed, size_m)
+    robot, data = on_a_rail(motions, count, seed)
     result = ea.diagnose(robot, data, seed=seed, threads=1)
     assert [(found["effect"], found["joint"]) for found in result["effects"]] == [("guide_error", 1)]
     assert result["verdict"] == "explained" and result["converged"]
@@ -280,7 +299,7 @@ def test_a_short_slide_is_drawn_to_a_smaller_error():
     short = replace(arm_on_a_track(), joints=(slide(0.2, alpha=-np.pi / 2), *arm_on_a_track().joints[1:]))
     view = predict_poses(short, Layout.of(()), poses(angles(short, 30, 8))).view
     sizes = [effect.size_m for effect in GuideError.candidates(short, view)]
-    assert len(sizes) == 4 and max(sizes) < 6.1e-5
+    assert len(set(sizes)) == 4 and max(sizes) < 6.1e-5
 
 
 @pytest.mark.slow

@@ -105,7 +105,8 @@ def _causes(problem: Problem, declared: Layout, progress: Progress) -> Causes | 
     fits, chosen, places, unknown = [first], [], [], ()
     whole = vocabulary = _vocabulary(problem, first)
     carried = {b.label for b in whole.blocks if b.effect is not None and b.effect.carried}
-    # without springs a payload moves nothing: springs that are found show it, so they come first, alone
+    # without springs a payload moves nothing: springs that are found show it, so they come first, and alone
+    # where the fit has them so
     springs_first = first.view.has_masses and not carried
     nothing = something = noise = None
     refused = 0
@@ -115,12 +116,16 @@ def _causes(problem: Problem, declared: Layout, progress: Progress) -> Causes | 
         if found is None or len(places) + len(found.members.blocks) > MOST_AT_ONCE:
             return None
         new = _one_each([p for p in _places(found, len(fits) - 1) if p.probability >= NAMED_AT])
-        if springs_first and not any(effect.gives_way for effect in chosen):
-            new = [p for p in new if p.effect.gives_way] or new
-        held = _holding(found, new, problem.seed)
+        springs = [p for p in new if p.effect.gives_way and springs_first]
+        if any(effect.gives_way for effect in chosen) or len(springs) == len(new):
+            springs = []
         nothing = found.probability_of_nothing() if nothing is None else nothing
         something, unknown, noise = found.probability_of_unknown(), tuple(found.structures()), found.noise
-        kept, fit = _confirmed(problem, declared, chosen, fits[-1], found, held)
+        for asked in (springs, new) if springs else (new,):
+            held = _holding(found, asked, problem.seed)
+            kept, fit = _confirmed(problem, declared, chosen, fits[-1], found, held)
+            if kept:
+                break
         if kept:
             chosen = [*fit.layout.effects[len(declared.effects) :]]
             places += kept

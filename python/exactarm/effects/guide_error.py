@@ -11,12 +11,14 @@ joint (z along the way):
 shift_z is the positioning error, shift_x and shift_y the straightness, turn_z the roll, turn_x and turn_y
 pitch and yaw (the six error motions of a linear axis, ISO 230-1:2012). Terms are drawn to zero as those
 of a rail whose curvature is white noise: sd(A_k) = size (2 / k)^2, and turns as the slopes of such shifts,
-sd(B_k) = sd(A_k) k pi / R. Constant shifts and turns, and shifts in proportion to x, are the geometry's.
+sd(B_k) = share sd(A_k) k pi / R: share = 1 of a short carriage, less of one whose blocks stand far apart.
+Constant shifts and turns, and shifts in proportion to x, are the geometry's.
 """
 
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -33,6 +35,7 @@ _TITLES = ("straightness along x", "straightness along y", "error along the way"
 _TERM = re.compile(r"(?:shift_[xyz]_([1-9]\d?)_m|turn_[xyz]_([1-9]\d?)_rad)")
 # size beside the way: from a ground machine guide (10 um/m) to a welded floor track (0.3 mm/m)
 _SIZES_PER_WAY = (1e-5, 3e-5, 1e-4, 3e-4)
+_TURN_SHARES = (1.0, 0.1)
 _SETTLED = 0.1  # change of the log of a width: a prior's width is known no better from 96 terms
 _PLACES = 101  # along the way, at which deviations are taken
 _STRAIGHT, _TURNS = slice(0, 2), slice(3, 6)  # of the motions: across the way, and turns
@@ -41,10 +44,11 @@ _STRAIGHT, _TURNS = slice(0, 2), slice(3, 6)  # of the motions: across the way, 
 @dataclass(frozen=True)
 class GuideError(Effect):
     """values: A_x1 ... A_x16, A_y1 ..., A_z1 ..., B_x1 ... B_z16; `seen`: the way in m, of the axis's
-    position less its offset; `size_m`: see the module."""
+    position less its offset; `size_m`, `turn_share`: see the module."""
 
     seen: tuple[float, float] = (0.0, 1.0)
     size_m: float = 1e-4
+    turn_share: float = 1.0
 
     name = "guide_error"
     plain = "a guide that is not straight"
@@ -66,7 +70,7 @@ class GuideError(Effect):
     def parameters(self) -> tuple[Parameter, ...]:
         wave = np.arange(1, self.waves + 1)
         shift = self.size_m * (2.0 / wave) ** 2
-        turn = shift * wave * np.pi / (self.seen[1] - self.seen[0])
+        turn = self.turn_share * shift * wave * np.pi / (self.seen[1] - self.seen[0])
         spread = [float(sd) for sd in (*np.tile(shift, 3), *np.tile(turn, 3))]
         names = [f"{motion}_{k}_{'m' if motion.startswith('shift') else 'rad'}"
                  for motion in _MOTIONS for k in wave]
@@ -172,7 +176,7 @@ class GuideError(Effect):
 
     def to_table(self):
         return super().to_table() | {"seen_from_m": self.seen[0], "seen_to_m": self.seen[1],
-                                     "size_m": self.size_m}
+                                     "size_m": self.size_m, "turn_share": self.turn_share}
 
     @classmethod
     def from_table(cls, table: Mapping[str, float | int | str]) -> Effect:
@@ -181,9 +185,11 @@ class GuideError(Effect):
         if waves == 0:
             raise KeyError("shift_x_1_m")
         seen, size = (float(table["seen_from_m"]), float(table["seen_to_m"])), float(table["size_m"])
-        if not (seen[0] < seen[1] and size > 0.0):
-            raise ValueError("expected seen_from_m < seen_to_m and size_m > 0")
-        raw = cls(table.get("joint"), (0.0,) * (len(_MOTIONS) * waves), seen=seen, size_m=size)
+        share = float(table.get("turn_share", 1.0))
+        if not (seen[0] < seen[1] and size > 0.0 and share > 0.0):
+            raise ValueError("expected seen_from_m < seen_to_m, size_m > 0 and turn_share > 0")
+        raw = cls(table.get("joint"), (0.0,) * (len(_MOTIONS) * waves), seen=seen, size_m=size,
+                  turn_share=share)
         return raw.with_values(table.get(parameter.name, 0.0) for parameter in raw.parameters())
 
     @classmethod
@@ -194,4 +200,5 @@ class GuideError(Effect):
             if joint.type == "prismatic" and view.moving[index] and np.ptp(x) > 0.0:
                 seen = (float(x.min()), float(x.max()))
                 empty = cls(index + 1, (0.0,) * (len(_MOTIONS) * _WAVES), seen=seen)
-                yield from (replace(empty, size_m=size * (seen[1] - seen[0])) for size in _SIZES_PER_WAY)
+                for size, share in product(_SIZES_PER_WAY, _TURN_SHARES):
+                    yield replace(empty, size_m=size * (seen[1] - seen[0]), turn_share=share)
