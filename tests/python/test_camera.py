@@ -226,6 +226,7 @@ def test_a_fixture_file_of_the_camera_is_read_back(tmp_path):
     ("[board]\nsquares = [9, 1000000]\nsquare_mm = 25", "at most 1000"),
     ("[board]\nsquares = [9, 7]\nsquare_mm = 1e300", "a length above 0 in mm, 1e-06 to 1e.06"),
     (f"{LENS}focal_px = [0, 1400.0]", "expected fx and fy above 1"),
+    (f"{LENS}focal_px = [4.0, 4.0]", "for a picture 1600 px wide; expected pixels"),
     (f"{LENS}focal_px = [-1400.0, -1400.0]", "expected fx and fy above 1"),
     (f"{LENS}focal_px = [nan, 1400.0]", "expected fx and fy above 1"),
     (f"{LENS}focal_px = [1400.0, 1400.0]\ncentre_px = [800.0, 1e300]", "expected cx and cy"),

@@ -55,6 +55,7 @@ def test_noise_of_rows_that_the_parameters_can_meet_is_not_nothing():
 def test_the_prior_of_a_noise_is_worth_one_number():
     """Of many numbers the scale is that of the rows; of none, that of the prior."""
     assert _likeliest_sigma(300 * 3e-5**2, 300.0) == pytest.approx(3e-5, rel=5e-3)
+    assert _likeliest_sigma(1e12, 300.0) == 1e3  # what no device reads was a fault
     assert _likeliest_sigma(0.0, 0.0) == pytest.approx(1e-4, rel=1e-6)
 
 

@@ -203,6 +203,14 @@ def test_a_mirrored_accelerometer_is_named():
         calibrate_closures(robot.nominal, replace(data, accel=-data.accel))
 
 
+def test_an_accelerometer_in_another_unit_is_named():
+    """In g its gain came out as a tenth, and the errors as a tenth of what they were, without a word."""
+    robot, data = read_by("accel", 1, count=20)
+    for unit in (9.81, 9.81e-3):
+        with pytest.raises(InputError, match="at rest; expected some 9.81: is it in g, or in mg"):
+            calibrate_closures(robot.nominal, replace(data, accel=data.accel / unit))
+
+
 def test_an_accelerometer_in_a_motion_is_a_covariate(tmp_path):
     rows = "\n".join(f"{0.01 * k},{0.1 * k},{0.1 * k},0,0,9.81" for k in range(20))
     header = "time_s,theta_1_rad,gyro_z_rad_s,gyro_x_rad_s,gyro_y_rad_s"

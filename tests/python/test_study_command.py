@@ -39,6 +39,7 @@ def test_a_smaller_weight_follows_better_and_asks_for_more_bandwidth(tmp_path):
     (["racer-7-1.4", "line", "--nu", "a,b"], "--nu"),
     (["racer-7-1.4", "line", "line"], "same name"),
     (["racer-7-1.4", "line", "--rate", "2"], "--rate"),
+    (["racer-7-1.4", "line", "--rate", "1e9"], "--rate 1e+09: expected at most 2000000 samples"),
 ])
 def test_what_cannot_be_studied_is_refused_in_one_line(tmp_path, capsys, words, text):
     assert main(["study", *words, "--out", str(tmp_path / "out"), "--quiet"]) == 2

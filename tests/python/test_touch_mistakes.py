@@ -11,6 +11,7 @@ from exactarm.data.dataset import Dataset, read_dataset
 from exactarm.data.fixture import load_fixture
 from exactarm.files.examples import data_path
 from exactarm.first_aid.first_aid import first_aid
+from exactarm.first_aid.touch_mistakes import unused_distances
 from exactarm.robot_file import load_robot
 from test_closures import ECCENTRICITY, touched
 from test_contact_starts import touched_blocks
@@ -97,3 +98,15 @@ def test_the_refusal_of_touches_names_the_mistake(tmp_path, capsys):
     assert main(["calibrate", "panda", str(tmp_path / "negated.csv"), "--fixture", fixture, "--out",
                  str(tmp_path / "out"), "--quiet"]) != 0
     assert "with the opposite sign of axis 4 the data would fit" in capsys.readouterr().err
+
+
+def test_distances_of_seats_that_nobody_touched_are_told():
+    """The fixture numbers its seats from 0, the rows theirs from 1: the only known length was lost."""
+    robot, data = touched("ur10", "socket", 1, count=12)
+    assert data.fixture.distances and not unused_distances(robot.nominal, data)
+    seats = data.contacts["socket"]
+    one_on = replace(data, contacts={**data.contacts, "socket": np.where(seats >= 0, seats + 1, seats)})
+    assert any("name socket 0, 1, the rows touch 1, 2: is one numbered from 0" in line
+               for line in first_aid(robot.nominal, one_on))
+    some = data.select(seats != 1)  # a part of the rows, in which nothing is numbered otherwise
+    assert not unused_distances(robot.nominal, some)

@@ -36,7 +36,7 @@ from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
 from exactarm.identify.statistics import summarise
 from exactarm.plan.optimal import PlanOptions, plan_path
-from exactarm.plan.path_file import PlannedPath, load_path, shipped_paths
+from exactarm.plan.path_file import MOST_SAMPLES, PlannedPath, load_path, shipped_paths
 from exactarm.plan.spectrum import PEAK_SHARE, peak_bandwidth, ringing
 from exactarm.progress import SILENT, Progress
 from exactarm.robot.robot import Robot
@@ -117,6 +117,9 @@ def _path(name: str, rate: float | None) -> PlannedPath:
     if not (np.isfinite(rate) and rate * path.duration >= 11.0):
         raise InputError(f"--rate {rate:g}: expected at least 12 samples in {path.duration:g} s, "
                          f"{11.0 / path.duration:.3g} Hz or more")
+    if rate * path.duration + 1.0 > MOST_SAMPLES:
+        raise InputError(f"--rate {rate:g}: expected at most {MOST_SAMPLES} samples in {path.duration:g} s, "
+                         f"{MOST_SAMPLES / path.duration:.3g} Hz or less")
     return replace(path, rate_hz=rate)
 
 

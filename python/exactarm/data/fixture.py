@@ -43,6 +43,7 @@ from exactarm.robot.robot import Robot
 SIGMA_M = 1e-5  # a workshop measures a fixture to a hundredth of a millimetre
 SIGMA_SQUARE_M = 5e-6  # a caliper measures eight squares to 0.04 mm
 SHORTEST_MM, LONGEST_MM = 1e-6, 1e6  # what anyone measures; beyond, a unit or a digit is wrong
+LEAST_FOCAL = 0.1  # of a picture's longer side: a view of 157 degrees, beyond what the lens model bends
 MOST_SQUARES, MOST_PX = 1000, 1e6  # on a side of a board; of a picture, its middle or a focal length
 MOST_DISTORTION = 1e3  # of real lenses k1 is below 1, k2 below 10, k3 below 100
 WITH_DISTANCE = ("socket", "plane", "sphere", "bar")
@@ -232,6 +233,9 @@ def _camera(board: _Entry, camera: _Entry) -> CameraSetup:
     marker = board.take("marker_mm", _is_length, _LENGTH, None)
     size = camera.take("size_px", whole(MOST_PX), "width and height of the pictures, as [1600, 1200]", None)
     focal = camera.take("focal_px", some(1.0, MOST_PX, 2), "fx and fy above 1, as [1400.0, 1400.0]", None)
+    if size is not None and focal is not None and min(focal) < LEAST_FOCAL * max(size):
+        raise InputError(f"[camera]: focal_px {focal} for a picture {max(size)} px wide; expected pixels (mm "
+                         "over the size of a pixel)", file=camera.path)
     middle = None if size is None else [0.5 * size[0], 0.5 * size[1]]
     centre = camera.take("centre_px", some(-MOST_PX, MOST_PX, 2), "cx and cy, as [800.0, 600.0]", middle)
     bent = camera.take("distortion", some(-MOST_DISTORTION, MOST_DISTORTION, 4, 5),

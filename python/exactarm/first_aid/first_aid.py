@@ -30,7 +30,7 @@ from exactarm.first_aid.signal_mistakes import (
     repeated_rows,
 )
 from exactarm.first_aid.suspicion import Suspicion, in_order
-from exactarm.first_aid.touch_mistakes import touch_mistakes
+from exactarm.first_aid.touch_mistakes import touch_mistakes, unused_distances
 from exactarm.first_aid.tracked_mistakes import tracked_mistakes
 from exactarm.identify.declared import carried_layout
 from exactarm.identify.match import Mismatch
@@ -88,7 +88,7 @@ def _motions(robot: Robot, data: Dataset) -> list[Suspicion]:
 
 _CHECKS: dict[str, tuple[Callable[[Robot, Dataset], list[Suspicion]], ...]] = {
     POSES.name: (_poses, _loads),
-    CLOSURES.name: (camera_mistakes, touch_mistakes, _loads),
+    CLOSURES.name: (camera_mistakes, touch_mistakes, unused_distances, _loads),
     TRACKED_MOTION.name: (_poses, tracked_mistakes),
     MOTION.name: (_motions,),
     GEAR_RUN.name: (gear_mistakes,),

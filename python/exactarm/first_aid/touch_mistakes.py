@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from exactarm.data.dataset import Dataset
+from exactarm.data.dataset import NO_CONTACT, Dataset
 from exactarm.first_aid.misfit import flanges
 from exactarm.first_aid.pose_candidates import of_angles
 from exactarm.first_aid.pose_mistakes import spread
@@ -35,6 +35,20 @@ _LEVER_M = 0.1  # at which turns of the flange count as travel
 _STILL_RAD = 0.1  # an axis that turns by less is at rest: faces meet in the plane of an arm whose axis 1 is
 
 Contacts = list[tuple[str, np.ndarray, np.ndarray | None]]  # sort, rows, known lengths
+
+
+def unused_distances(robot: Robot, data: Dataset) -> list[Suspicion]:
+    """Known distances of contacts that no row touches, while others are touched that none of them names."""
+    found, listed = [], lambda numbers: ", ".join(map(str, sorted(numbers)))
+    for contact in sorted({each.contact for each in data.fixture.distances} & data.contacts.keys()):
+        touched = set(data.contacts[contact][data.contacts[contact] != NO_CONTACT].tolist())
+        named = {k for each in data.fixture.distances if each.contact == contact for k in each.between}
+        if named - touched and touched - named:
+            found.append(Suspicion(
+                f"the fixture's distances name {contact} {listed(named)}, the rows touch {listed(touched)}: "
+                f"is one numbered from {min(named)}, the other from {min(touched)}? A distance of what is "
+                "not touched counts for nothing"))
+    return found
 
 
 def touch_mistakes(robot: Robot, data: Dataset) -> list[Suspicion]:

@@ -34,7 +34,7 @@ from exactarm.robot.robot import Robot
 
 TAIL_FREEDOM = 4.0  # a slip of 10 sigma counts 7 %; normal noise is used to 95 %
 _FIRST_SIGMA = (1e-3, 2e-3)  # m, rad
-_LEAST_SIGMA = 1e-9
+_LEAST_SIGMA, _LARGEST_SIGMA = 1e-9, 1e3
 _EXACT = 1e-30  # of the noise: rows that their own unknowns explain to the last digit
 # of every sort before any data, m or rad: from 0.014 to 0.7 mm (95 %), as seats, styli and trackers are
 _USUAL_SIGMA, _USUAL_SPREAD = 1e-4, 1.0  # median, standard deviation of the logarithm
@@ -256,9 +256,11 @@ def _likeliest_sigma(square: float, redundancy: float) -> float:
     rises throughout."""
     slope = lambda log: (max(redundancy, 0.0) - square * np.exp(-2.0 * log)
                          + (log - np.log(_USUAL_SIGMA)) / _USUAL_SPREAD**2)
-    low, high = np.log(_LEAST_SIGMA), np.log(1e3)
+    low, high = np.log(_LEAST_SIGMA), np.log(_LARGEST_SIGMA)
     if slope(low) >= 0.0:
         return _LEAST_SIGMA
+    if slope(high) <= 0.0:  # contacts that are missed by more than any device reads
+        return _LARGEST_SIGMA
     return float(np.exp(optimize.brentq(slope, low, high, xtol=1e-9)))
 
 

@@ -32,6 +32,7 @@ BIAS_M_S2, ZERO_RAD = 0.5, 0.05  # the same: 50 mg, 3 degrees
 CROSS = 0.02  # sensitivity across the axes, the same: 1 to 2 %
 BASE_TILT_RAD = 0.2  # beside the robot file's gravity, which says how the arm is mounted
 _STEEPEST = 1.0 - 1.5e-3  # sine of 87 degrees: beyond it the reading of a tilt has no slope
+_ANOTHER_UNIT = float(np.log(1.5))  # ten standard deviations of a gain
 _MIRRORED = 0.3  # a mirrored sensor must leave less than this share of the best rotation's error
 
 _Values = tuple[np.ndarray, np.ndarray]
@@ -175,6 +176,11 @@ class Accelerometer(GravitySensor):
         return 1.0 / GRAVITY_M_S2
 
     def _mounted(self, up, reading, data):
+        size = float(np.median(np.linalg.norm(reading, axis=1)))
+        if abs(np.log(max(size, 1e-12))) > _ANOTHER_UNIT:
+            raise InputError(
+                f"the accelerometer of session {self.session} reads {GRAVITY_M_S2 * size:.3g} m/s^2 at rest; "
+                "expected some 9.81: is it in g, or in mg?", file=data.first_file, column="accel_x_m_s2")
         product = reading.T @ up
         rotation, mirror = nearest(product), -nearest(-product)
         left, mirrored = (np.linalg.norm(reading - up @ each.T) for each in (rotation, mirror))
