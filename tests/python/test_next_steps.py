@@ -12,6 +12,7 @@ import pytest
 
 import exactarm as ea
 from exactarm import cli
+from exactarm.commands.gear_report import _as_declared
 from exactarm.commands.next_steps import after_check, next_steps, to_improve, with_lines
 from exactarm.commands.outcome import Asked, Outcome
 from exactarm.data.kinds import GEAR_RUN, MOTION, POSES
@@ -153,3 +154,9 @@ def test_corners_are_calibrated_with_their_board():
     assert line == "exactarm calibrate ur10 o/corners.csv --fixture board.toml --out o_calibrated"
     touched = replace(asked, command="identifiable")  # of a fixture, `design` needs more than the robot
     assert lines_of(with_lines(result.report, result, touched, Path("o"))) == []
+
+
+def test_a_gear_that_falls_is_told_beside_the_tables_of_the_file():
+    """An error that falls tenfold and "keep your robot file" stood below each other without the reason."""
+    assert _as_declared(2.5e-3, 2.5e-4, "rad/s") == " (as the file has it: 0.250 mrad/s)"
+    assert _as_declared(2.5e-3, 2.5e-3, "rad/s") == ""

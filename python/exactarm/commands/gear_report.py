@@ -24,20 +24,26 @@ _MOST_MARKS = 6
 def gear_report(robot: Robot, result: GearIdentification, rule: str) -> Report:
     """Verdict, table, comparison of the methods, alignment, then figures and coefficients gear by gear."""
     judge = "validation" if any(gear.after["validation"].n for gear in result.gears) else "identification"
-    before, after = (_pooled(result.gears, name, judge) for name in ("before", "after"))
+    before, after, declared = (_pooled(result.gears, name, judge) for name in ("before", "after", "declared"))
     unit = result.gears[0].unit
     error = "transmission error" if unit == "rad" else "kinematic error"
     verdict = (f"The {error} on runs that were "
                f"{'never fitted' if judge == 'validation' else 'fitted (none was held out)'} "
-               f"{change(before, after, unit)} RMS; {_noise_sentence(result.gears)}.")
+               f"{change(before, after, unit)} RMS{_as_declared(before, declared, unit)}; "
+               f"{_noise_sentence(result.gears)}.")
     fall = after < ENOUGH_FALL * before
     sections = (Highlights((Highlight(f"{judge}, RMS", Quantity(after, unit), Quantity(before, unit)),)),
-                next_steps(robot, GEAR_RUN, _pooled(result.gears, "declared", judge), after),
+                next_steps(robot, GEAR_RUN, declared, after),
                 _error_table(result.gears, error, rule), _method_table(result, unit),
                 *_alignment_table(result), *_ratio_and_disturbances(robot, result.gears),
                 *(section for gear in result.gears for section in _gear_sections(gear, error)),
                 Warnings(result.warnings))
     return Report(f"Gears of {robot.name}", verdict, sections, "good" if fall else "caution")
+
+
+def _as_declared(before: float, declared: float, unit: str) -> str:
+    """What the tables of the robot file leave, where it has other ones than a constant ratio."""
+    return f" (as the file has it: {quantity(declared, unit)})" if declared < ENOUGH_FALL * before else ""
 
 
 def _pooled(gears, name: str, judge: str) -> float:
