@@ -26,7 +26,7 @@ def stuck(data, axis, name="theta"):
     return replace(data, joints={**data.joints, name: angles})
 
 
-SLOW = [pytest.param(axis, marks=pytest.mark.slow) for axis in (0, 1, 4, 5)]
+SLOW = [pytest.param(axis, marks=pytest.mark.slow) for axis in (0, 1, 3, 4, 5)]
 
 
 @pytest.mark.parametrize("axis", [2, *SLOW])
