@@ -77,8 +77,10 @@ def motion_mistakes(robot: Robot, data: Dataset) -> list[Suspicion]:
     now = alone(samples)
     if found := list(_angles_that_never_change(data, samples, now)):
         return found
-    model = partial(alone, at_rest=~samples.moves)
-    now = model(samples)
+    model: Model = alone
+    if not samples.moves.all():
+        model = partial(alone, at_rest=~samples.moves)
+        now = model(samples)
     found = undone(candidates(samples), model, now)
     if not found:
         found = list(_driving_friction(now))

@@ -183,8 +183,7 @@ def fit_identifiable(robot: Robot, layout: Layout, data: Dataset, orientation: b
 
     flat = fit(kept)
     left = flat.fit.clipped[: len(data) * (6 if orientation else 3)].reshape(len(data), -1)
-    scale = np.repeat([flat.sigma_position] + ([flat.sigma_orientation] if orientation else []), 3)
-    told = worth_of_rows(left / scale, pose_groups(data), kept.size)
+    told = worth_of_rows(left / flat.sigma, pose_groups(data), kept.size)
     if told.min() < 1.0:
         worth = told
         flat = fit(kept)

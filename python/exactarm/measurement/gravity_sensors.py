@@ -32,7 +32,7 @@ BIAS_M_S2, ZERO_RAD = 0.5, 0.05  # the same: 50 mg, 3 degrees
 CROSS = 0.02  # sensitivity across the axes, the same: 1 to 2 %
 BASE_TILT_RAD = 0.2  # beside the robot file's gravity, which says how the arm is mounted
 _STEEPEST = 1.0 - 1.5e-3  # sine of 87 degrees: beyond it the reading of a tilt has no slope
-_ANOTHER_UNIT = float(np.log(1.5))  # ten standard deviations of a gain
+_ANOTHER_UNIT = float(np.log(1.5))  # eight standard deviations of a gain
 _MIRRORED = 0.3  # a mirrored sensor must leave less than this share of the best rotation's error
 
 _Values = tuple[np.ndarray, np.ndarray]

@@ -116,7 +116,7 @@ Days = Sequence[tuple[np.ndarray, np.ndarray]]  # y (m,), seen (m, m) of each, a
 @dataclass(frozen=True)
 class State:
     """After day t: log_bayes (J + 1, G, T): log L of hypothesis j, the last one any move of all numbers,
-    scale g and first day tau = first + 0 ... T - 1."""
+    scale g of its own and first day tau = first + 0 ... T - 1; -inf where it has fewer scales."""
 
     log_bayes: np.ndarray
     first: int
@@ -138,7 +138,9 @@ class Detector:
 
     def __init__(self, before: Evidence, hypotheses: Sequence[Hypothesis]):
         self.before, self.hypotheses = before, tuple(hypotheses)
-        self._bases = [shown(hypothesis.columns, RANK) for hypothesis in self.hypotheses]
+        # directions (m, r) and scales of each hypothesis; the last one is any move of all numbers
+        self._moves = [(shown(hypothesis.columns, RANK), SCALES) for hypothesis in self.hypotheses]
+        self._moves.append((np.eye(len(before.weighted)), SCALES[-1:]))
         self._days: list[Evidence] = []
         self.gone = 0  # days that have left the window
 
@@ -154,25 +156,23 @@ class Detector:
         inverse, rest, freedom = level_of(total)
         shown = information - information @ inverse @ information
         pull = weighted - information @ (inverse @ total.weighted)
-        log_bayes = np.full((len(self._bases) + 1, len(SCALES), len(self._days)), -np.inf)
-        for j, basis in enumerate((*self._bases, np.eye(len(y)))):
+        log_bayes = np.full((len(self._moves), len(SCALES), len(self._days)), -np.inf)
+        for j, (basis, scales) in enumerate(self._moves):
             values, vectors = np.linalg.eigh(basis.T @ shown @ basis)
             values = np.maximum(values, 0.0)
             parts = np.einsum("tir,ti->tr", vectors, pull @ basis) ** 2
-            for g, scale in enumerate(SCALES):
-                if j == len(self._bases) and scale < SCALES[-1]:
-                    continue
+            for g, scale in enumerate(scales):
                 gain = scale**2 / (1.0 + scale**2 * values)
                 taken = np.minimum(np.sum(parts * gain, axis=1) / max(rest, 1e-300), 1.0 - 1e-12)
                 log_bayes[j, g] = -0.5 * np.sum(np.log1p(scale**2 * values), axis=1)
                 log_bayes[j, g] -= 0.5 * freedom * np.log1p(-taken)
-        weight_of_one = np.log(_priors(len(self._bases)))
+        weight_of_one = np.log(_priors(len(self.hypotheses)))
         statistic = float(np.exp(np.minimum(special.logsumexp(log_bayes) - weight_of_one, 700.0)))
         return State(log_bayes, self.gone, statistic)
 
 
 def _priors(count: int) -> int:
-    """How many pairs of hypothesis and scale share the weight."""
+    """How many pairs of hypothesis and scale share the weight, with so many causes."""
     return count * len(SCALES) + 1
 
 
