@@ -160,11 +160,12 @@ def test_rows_on_the_flank_that_a_guessed_load_does_not_give_are_not_wrong_by_th
 
 @pytest.mark.slow
 @pytest.mark.parametrize("axis", [2, 3])
-def test_play_of_an_arm_without_masses_is_the_only_cause(axis):
-    """Where the guessed load changes its sign was tried at every fifteenth row: rows on the wrong flank left
-    one of these unexplained and gave the other a payload at 0.996 beside the play (seed 2; seed 1 was right
-    before, too)."""
-    robot, random = virtual("ur10", 2, f"backlash joint={axis} width_rad=8e-4")
+@pytest.mark.parametrize("seed", [1, 2])
+def test_play_of_an_arm_without_masses_is_the_only_cause(seed, axis):
+    """Where the guessed load changes its sign was tried at every fifteenth row: with seed 2, rows on the
+    wrong flank left axis 2 unexplained and gave axis 3 a payload at 0.996 beside the play; seed 1 was right
+    before, too. Seeds: the first two, none was left out."""
+    robot, random = virtual("ur10", seed, f"backlash joint={axis} width_rad=8e-4")
     q = joints_in_limits(robot.nominal, 120, random)
     data = measure_poses(robot, q, Sensors(position_m=5e-5, orientation_rad=5e-5, counts=0), random)
     found = diagnose(replace(robot.nominal, links=None), data)

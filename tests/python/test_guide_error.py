@@ -228,14 +228,14 @@ def rail(seed: int, size_m: float):
 
 
 def on_a_rail(motions, count: int, seed: int):
-    """A deviated arm on a track with these motions (N,) -> (N, 6), and poses of it."""
+    """A deviated arm on a track with these motions (N,) -> (N, 6), its drawing, and poses of it."""
     random = np.random.default_rng(seed)
     robot = arm_on_a_track()
     off = lambda joint: {name: getattr(joint, name) + 3e-4 * random.normal() for name in ("d", "a", "alpha")}
     true = placed(replace(robot, joints=tuple(replace(joint, **off(joint)) for joint in robot.joints)), seed)
     q = angles(robot, count, seed)
     _, moved = moved_by_the_guide(true, q, 0, motions(q[:, 0]))
-    return robot, poses(q, moved + NOISE_M * random.normal(size=moved.shape))
+    return true, robot, poses(q, moved + NOISE_M * random.normal(size=moved.shape))
 
 
 def panels_of(result) -> set[str]:
@@ -247,13 +247,18 @@ def panels_of(result) -> set[str]:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_rail_that_shifts_and_does_not_turn_is_found(seed):
-    """A bow of 0.6 mm under a long carriage: 48 terms of turns without a size left an unknown function of the
-    device the likelier one."""
-    bow = lambda x: 6e-4 * np.stack([0.0 * x, (x / WAY_M - 0.5) ** 2 * 4.0, *(0.0 * x,) * 4], axis=1)
-    robot, data = on_a_rail(bow, 150, seed)
+    """A bow of 0.2 mm under a long carriage, orientations measured: with turns as large as its slope asks
+    for, seeds 1 to 4 were all `unexplained` (the device follows the travel), now none is. Seeds: the first
+    two."""
+    bow = lambda x: 2e-4 * np.stack([0.0 * x, (x / WAY_M - 0.5) ** 2 * 4.0, *(0.0 * x,) * 4], axis=1)
+    true, robot, data = on_a_rail(bow, 150, seed)
+    bare = replace(true, base=Placement(), tool=Placement())
+    turned = _core.frame_poses(bare.core, data.joints["q"])[1][:, -1]
+    noise = NOISE_M * np.random.default_rng(seed).normal(size=(len(data), 3))
+    data = replace(data, rotation=Rotation.from_rotvec(noise).as_matrix() @ true.base.rotation @ turned @ true.tool.rotation)
     result = ea.diagnose(robot, data, seed=seed, threads=1)
     assert result["verdict"] == "explained"
-    assert ("guide_error", 1) in {(found["effect"], found["joint"]) for found in result["effects"]}
+    assert [(found["effect"], found["joint"]) for found in result["effects"]] == [("guide_error", 1)]
     assert result.after["validation"].rms < 0.6 * result.before["validation"].rms
 
 
@@ -265,7 +270,7 @@ def test_a_hidden_bent_rail_is_found_and_nothing_beside_it(seed, size_m, count):
     Held-out errors of 9 to 59 NOISE_M fall to 2.2 to 2.6 (noise alone: 1.7), so that six tenths left are a
     failure. Of the motions a third of the largest may be missing: fewer poses than terms have fitted them."""
     motions = rail(seed, size_m)
-    robot, data = on_a_rail(motions, count, seed)
+    _, robot, data = on_a_rail(motions, count, seed)
     result = ea.diagnose(robot, data, seed=seed, threads=1)
     assert [(found["effect"], found["joint"]) for found in result["effects"]] == [("guide_error", 1)]
     assert result["verdict"] == "explained" and result["converged"]
