@@ -255,7 +255,8 @@ def test_a_rail_that_shifts_and_does_not_turn_is_found(seed):
     bare = replace(true, base=Placement(), tool=Placement())
     turned = _core.frame_poses(bare.core, data.joints["q"])[1][:, -1]
     noise = NOISE_M * np.random.default_rng(seed).normal(size=(len(data), 3))
-    data = replace(data, rotation=Rotation.from_rotvec(noise).as_matrix() @ true.base.rotation @ turned @ true.tool.rotation)
+    turned = true.base.rotation @ turned @ true.tool.rotation
+    data = replace(data, rotation=Rotation.from_rotvec(noise).as_matrix() @ turned)
     result = ea.diagnose(robot, data, seed=seed, threads=1)
     assert result["verdict"] == "explained"
     assert [(found["effect"], found["joint"]) for found in result["effects"]] == [("guide_error", 1)]
