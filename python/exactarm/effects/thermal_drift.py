@@ -1,9 +1,11 @@
 """Thermal drift: the robot or its sensor changes as it warms up.
 
-Eight forms, x the temperature (or time, or row order, where no temperature was measured) from its reference:
+Nine forms, x the temperature (or time, or row order, where no temperature was measured) from its reference:
 
     growth     displacement = growth x (flange - base origin): the structure expands (steel 1.2e-5 per K), the
                tool does not, nor the way of a sliding axis, which its scale measures
+    link       displacement = growth x (what one link, a row of the table, spans): it alone grows, by the heat of
+               its motor or against others of another material (aluminium 2.3e-5 per K)
     target     displacement = drift x: base or tool moves off in one direction
     zero       q_i += drift x: the zero of one axis moves (a warm gear or link turns it)
     sensor     the gyroscope's bias drifts: rate += drift x
@@ -24,6 +26,7 @@ import numpy as np
 from exactarm.data.kinds import ALL_KINDS, GEAR_RUN, MOTION, WITH_TARGET
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.drive import over_samples, sign_slopes
+from exactarm.effects.moving_frames import MovingFrames
 from exactarm.effects.slow_driver import ROW, drivers, quickness, slow_signal, temperatures, unit
 
 
@@ -116,6 +119,37 @@ def _slid(view, rotations: np.ndarray) -> np.ndarray:
         if joint.type == "prismatic":
             way += joint.sign * view.q[:, i, None] * rotations[:, i, :, 2]
     return way
+
+
+@dataclass(frozen=True)
+class ThermalLinkGrowth(ThermalDrift):
+    kinds = WITH_TARGET
+    per_joint = True
+    form = "link"
+
+    @property
+    def label(self) -> str:
+        return f"{super().label}_{self.joint}"
+
+    def parameters(self) -> tuple[Parameter, ...]:
+        return (Parameter(f"growth_1_per_{self.unit}", 1e-5),)
+
+    def describe(self) -> str:
+        return (f"the link beyond axis {self.joint} grows by {self.values[0]:.3g} of its length per {self.unit} "
+                f"(it follows {self.driver})")
+
+    def change(self, view) -> Change:
+        frames, k, x = MovingFrames.of(view), self.index, slow_signal(view.data, self.driver)[:, None]
+        span = frames.origins[:, k + 1] - frames.origins[:, k]
+        if not frames.revolute[k]:
+            span -= view.q[:, k, None] * frames.axes[:, k]
+        by_q = self.values[0] * x[:, :, None] * frames.direction_by_q(span, k)
+        return Change((0, 1, 2), self.values[0] * x * span, (x * span)[:, :, None], {"q": by_q})
+
+    @classmethod
+    def of(cls, robot, view) -> Iterable[Effect]:
+        return (cls(axis + 1, (0.0,), driver) for driver in drivers(view.data) for axis in range(robot.axes)
+                if robot.joints[axis].a or robot.joints[axis].d)
 
 
 @dataclass(frozen=True)
