@@ -11,6 +11,10 @@ from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects import effect_from_table
 from exactarm.effects.slow_driver import TIME
 from exactarm.effects.tracker_drift import TrackerDrift
+from exactarm.effects.tracker_step import TrackerStep
+from exactarm.numerics.rotation import exp as rotation_exp
+from exactarm.numerics.rotation import log as rotation_log
+from exactarm.robot.robot import Placement
 from exactarm.robot_file import load_robot
 from set_ups import joints_in_limits, measured, true_robot
 
@@ -18,14 +22,15 @@ NOISE_M, COUNT, HOURS = 5e-5, 150, 1.5
 SHIFT, TURN = np.array([1e-4, -2e-4, 5e-5]), np.array([1.5e-4, -1e-4, 2e-4])  # an hour
 
 
-def poses(seed, turn):
+def poses(seed, turn, noise_rad=None):
     rng, robot = np.random.default_rng(seed), load_robot("ur10")
     q = np.clip(joints_in_limits(robot, COUNT, rng), -2.2, 2.2)
     data = measured(robot, [true_robot(robot, rng, 0.5)], [q], NOISE_M, rng,
-                    identification=np.arange(COUNT) % 4 != 0)
+                    noise_rad=noise_rad, identification=np.arange(COUNT) % 4 != 0)
     hours = np.linspace(0.0, HOURS, COUNT)
     moved = data.position + hours[:, None] * (SHIFT + np.cross(turn, data.position))
-    return robot, replace(data, position=moved, time=3600.0 * hours)
+    turned = None if noise_rad is None else rotation_exp(hours[:, None] * turn) @ data.rotation
+    return robot, replace(data, position=moved, rotation=turned, time=3600.0 * hours)
 
 
 @pytest.mark.parametrize("turn", [False, True])
@@ -41,6 +46,31 @@ def test_derivatives(turn):
     assert effect_from_table(effect.to_table()) == effect
 
 
+@pytest.mark.parametrize("step", [False, True])
+def test_a_device_that_turns_measures_turned_orientations(step):
+    """As if the base of the robot had turned the same way, to first order; with its derivatives."""
+    robot, data = poses(1, np.zeros(3), 1e-4)
+    data = replace(data, time=np.full(COUNT, 3600.0))
+    values = np.array([1e-4, -2e-4, 5e-5, 3e-5, -2e-5, 1e-5])
+    effect = (TrackerStep(None, (0.5, *values), 1, TIME, turn=True) if step else
+              TrackerDrift(None, tuple(values), TIME, turn=True))
+    layout = Layout.of((effect,))
+    if step:
+        data = replace(data, time=data.time * np.linspace(1.0, 2.0, COUNT))
+    found = predict_poses(robot, layout, data)
+    turn, base = rotation_exp(values[3:]), robot.base
+    moved = replace(robot, base=Placement(turn @ base.rotation, turn @ base.position + values[:3]))
+    expected = predict_poses(moved, Layout.of(()), data, tangents=False)
+    np.testing.assert_allclose(found.position, expected.position, atol=1e-8)
+    np.testing.assert_allclose(found.rotation, expected.rotation, atol=1e-8)
+
+    def turned(x):
+        there = predict_poses(robot, layout.at(x), data, tangents=False).rotation
+        return rotation_log(there @ np.swapaxes(found.rotation, -1, -2))
+
+    assert_derivative(turned, layout.values, found.jacobian[:, 3:], np.full(layout.size, 1e-5), relative=1e-4)
+
+
 def test_files_of_a_shift_alone_are_read():
     old = {"effect": "tracker_drift", "driver": "time", "x_m_per_h": 1e-4, "y_m_per_h": 0.0,
            "z_m_per_h": 2e-4}
@@ -50,10 +80,11 @@ def test_files_of_a_shift_alone_are_read():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("turn", [np.zeros(3), TURN])
-def test_a_drift_is_named_and_its_turn_is_drawn_to_zero_only_where_the_device_does_not_turn(turn):
-    """It was held there, and the intervals of the shift did not know of it."""
-    robot, data = poses(3, turn)
+@pytest.mark.parametrize("turn, noise_rad", [(np.zeros(3), None), (TURN, None), (TURN, 5e-5)])
+def test_a_drift_is_named_and_its_turn_is_drawn_to_zero_only_where_the_device_does_not_turn(turn, noise_rad):
+    """It was held there, and the intervals of the shift did not know of it. Orientations turn, too: they were
+    left as they are, and half of the drift passed for noise that neighbours share."""
+    robot, data = poses(3, turn, noise_rad)
     result = diagnose(robot, data)
     (first,) = result.findings
     assert (first.effect.name, first.effect.drawn,

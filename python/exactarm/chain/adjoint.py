@@ -31,6 +31,9 @@ class Adjoint:
     carried: list[tuple[np.ndarray, np.ndarray]] = field(default_factory=list)
 
     def add(self, signal: str, part: np.ndarray) -> None:
+        """part (N, 6, s): by the first s columns of the signal."""
+        if signal in self.by and part.shape[2] < self.by[signal].shape[2]:
+            part = np.pad(part, ((0, 0), (0, 0), (0, self.by[signal].shape[2] - part.shape[2])))
         self.by[signal] = self.by[signal] + part if signal in self.by else part
 
     def back(self, signal: str, passed: Passed, upstream: Container[str] | None = None) -> None:

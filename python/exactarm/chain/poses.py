@@ -189,18 +189,17 @@ def _target(view: View, layout: Layout, tangents: bool) -> tuple[PosePrediction,
     if Station.LOAD in view.transfers and tangents:
         view.transfers[Station.FLANGE] = _flange_transfer(view, moves)
     moved = view.signals["displacement"]
-    view.signals["measured"] = position + moved[:, :3]
-    if np.any(moved[:, 3:]):
-        rotation = rotation_exp(moved[:, 3:]) @ rotation
+    view.signals["measured"] = np.concatenate([position + moved[:, :3], moved[:, 3:]], axis=1)
     reads = pass_station(view, layout, Station.DEVICE, "measured", tangents)
-    prediction = PosePrediction(view.measured, rotation, jacobian, view)
+    turned = view.measured[:, 3:]
+    if np.any(turned):
+        rotation = rotation_exp(turned) @ rotation
+    prediction = PosePrediction(view.measured[:, :3], rotation, jacobian, view)
     if not tangents:
         return prediction, None
-    position_rows, rotation_rows = np.split(np.tile(np.eye(6), (rows, 1, 1)), 2, axis=2)
-    adjoint = Adjoint(layout, jacobian, {"measured": position_rows})
-    adjoint.by["displacement"] = np.concatenate([np.zeros((rows, 6, 3)), rotation_rows], axis=2)
+    adjoint = Adjoint(layout, jacobian, {"measured": np.tile(np.eye(6), (rows, 1, 1))})
     adjoint.back("measured", reads)
-    adjoint.add("displacement", np.pad(adjoint.by["measured"], ((0, 0), (0, 0), (0, 3))))
+    adjoint.add("displacement", adjoint.by["measured"])
     adjoint.back("displacement", moves)
     adjoint.add("q", adjoint.by["displacement"] @ view.target_by("q"))
     return prediction, adjoint

@@ -15,7 +15,8 @@ Stations and their signals (N rows, n axes):
     LOAD      joint torque (N, n) Nm                SPRING    joint angle q (N, n) rad
     FLANGE    at rest: what the flange carries (N, 4): kg, and its first moment in DH frame n, kg m
     GEOMETRY  displacement of the target (N, 6): m, rad (rotation increment), measuring frame
-    DEVICE    measured vector (N, m) in its units   DRIVE     drive torque (N, n) Nm, output side
+    DEVICE    measured vector (N, m) in its units; of a target (N, 6): where it is, rotation increment
+    DRIVE     drive torque (N, n) Nm, output side
 
 Parameters that live in the robot's tables (geometry, frames, gear ratio, masses) enter by `bake`; the change
 of such an effect is zero in value and carries only the derivative.

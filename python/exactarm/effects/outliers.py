@@ -41,10 +41,10 @@ class Outliers(Effect):
         return Change((), np.zeros((view.rows, 0)), np.zeros((view.rows, 0, 1)))
 
     def keep(self, view) -> np.ndarray:
-        return np.linalg.norm(view.data.position - view.measured, axis=1) <= self.values[0]
+        return np.linalg.norm(view.data.position - view.measured[:, :3], axis=1) <= self.values[0]
 
     def renewed(self, view) -> Effect:
-        return self.with_values((self.threshold(view.data.position - view.measured),))
+        return self.with_values((self.threshold(view.data.position - view.measured[:, :3]),))
 
     @staticmethod
     def threshold(residual: np.ndarray) -> float:
@@ -59,7 +59,7 @@ class Outliers(Effect):
         """None where the wrong rows lie together, in measuring order or in space: that is a structure."""
         if view.data.position is None or "measured" not in view.signals:
             return ()
-        residual = view.data.position - view.measured
+        residual = view.data.position - view.measured[:, :3]
         norm = np.linalg.norm(residual, axis=1)
         rows = np.arange(len(norm))
         usual = cls.threshold(residual)
@@ -67,7 +67,7 @@ class Outliers(Effect):
             wrong = norm > limit
             if not 0 < wrong.sum() <= _LARGEST_SHARE * len(wrong):
                 return ()
-            if not any(lie_together(residual, wrong, place) for place in (rows, view.measured)):
+            if not any(lie_together(residual, wrong, place) for place in (rows, view.measured[:, :3])):
                 return (cls(None, (limit,)),)
         return ()
 

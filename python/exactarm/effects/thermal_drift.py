@@ -4,8 +4,8 @@ Nine forms, x the temperature (or time, or row order, where no temperature was m
 
     growth     displacement = growth x (flange - base origin): the structure expands (steel 1.2e-5 per K), the
                tool does not, nor the way of a sliding axis, which its scale measures
-    link       displacement = growth x (what one link, a row of the table, spans): it alone grows, by the heat of
-               its motor or against others of another material (aluminium 2.3e-5 per K)
+    link       displacement = growth x (what one link, a row of the table, spans): it alone grows, by the
+               heat of its motor or against others of another material (aluminium 2.3e-5 per K)
     target     displacement = drift x: base or tool moves off in one direction
     zero       q_i += drift x: the zero of one axis moves (a warm gear or link turns it)
     sensor     the gyroscope's bias drifts: rate += drift x
@@ -135,8 +135,8 @@ class ThermalLinkGrowth(ThermalDrift):
         return (Parameter(f"growth_1_per_{self.unit}", 1e-5),)
 
     def describe(self) -> str:
-        return (f"the link beyond axis {self.joint} grows by {self.values[0]:.3g} of its length per {self.unit} "
-                f"(it follows {self.driver})")
+        return (f"the link beyond axis {self.joint} grows by {self.values[0]:.3g} of its length per "
+                f"{self.unit} (it follows {self.driver})")
 
     def change(self, view) -> Change:
         frames, k, x = MovingFrames.of(view), self.index, slow_signal(view.data, self.driver)[:, None]

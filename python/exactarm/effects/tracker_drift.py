@@ -1,6 +1,7 @@
 """Tracker drift: the measuring device moves off while it measures, linear in time (or row order).
 
 measured += x (shift + turn x measured),   x the time in hours (or the row)
+R -> exp(x turn) R                         where the device measures orientations R, too
 
 shift (3,) m and turn (3,) rad, about the device's origin, a unit of x. Where the device stood at x = 0 is
 part of the frames of its set-up. Either the shift alone is estimated, or both: a tripod that settles tilts.
@@ -64,7 +65,7 @@ class TrackerDrift(Effect):
 
     def change(self, view) -> Change:
         x = slow_signal(view.data, self.driver)[:, None, None]
-        return Change((0, 1, 2), *moved_device(view.measured[:, :3], x, self.values))
+        return Change(tuple(range(6)), *moved_device(view.measured[:, :3], x, self.values))
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
@@ -74,9 +75,10 @@ class TrackerDrift(Effect):
 
 def moved_device(measured: np.ndarray, x: np.ndarray,
                  values) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
-    """What a device does to positions measured (N, 3) that shifts and turns by x (N, 1, 1) times `values`
-    (6,): change (N, 3), its derivatives by `values` (N, 3, 6), and by the positions."""
-    derivative = np.concatenate([np.broadcast_to(np.eye(3), (len(x), 3, 3)),
-                                 np.cross(np.eye(3), measured[:, None, :]).swapaxes(1, 2)], axis=2) * x
-    by_measured = x * np.cross(np.asarray(values[3:]), np.eye(3)).T
-    return derivative @ np.asarray(values), derivative, {"measured": by_measured}
+    """What a device that shifts and turns by x (N, 1, 1) times `values` (6,) does to poses measured, of
+    positions (N, 3): change (N, 6), its derivatives by `values` (N, 6, 6), and by the poses."""
+    derivative = np.tile(np.eye(6), (len(x), 1, 1))
+    derivative[:, :3, 3:] = np.cross(np.eye(3), measured[:, None, :]).swapaxes(1, 2)
+    by_measured = np.zeros((len(x), 6, 6))
+    by_measured[:, :3, :3] = x * np.cross(np.asarray(values[3:]), np.eye(3)).T
+    return (derivative @ np.asarray(values)) * x[:, 0], derivative * x, {"measured": by_measured}

@@ -1,7 +1,7 @@
 """Tracker step: the measuring device was pushed once, and measures from its new place ever since.
 
 measured += shift + turn x measured   on the rows of one session after `at` (time or row), turn in rad about
-                                      the device's origin.
+R -> exp(turn) R                      the device's origin; R: orientations that it measures.
 """
 
 from collections.abc import Iterable
@@ -47,15 +47,13 @@ class TrackerStep(StepInOrder):
         return replace(found, turn=any(found.values[4:]))
 
     def shape(self, view):
-        """A turn moves positions alone: orientations are measured by other means."""
-        by_place = moved_device(view.measured[:, :3], np.ones((view.rows, 1, 1)), self.values[1:])[1]
-        return np.concatenate([by_place, np.zeros_like(by_place)], axis=1)
+        return moved_device(view.measured[:, :3], np.ones((view.rows, 1, 1)), self.values[1:])[1]
 
     def change(self, view) -> Change:
         later = self.acts(view.data)[:, None, None]
         value, by_place, by_signal = moved_device(view.measured[:, :3], later, self.values[1:])
-        derivative = np.concatenate([np.zeros((view.rows, 3, 1)), by_place], axis=2)
-        return Change((0, 1, 2), value, derivative, by_signal)
+        derivative = np.concatenate([np.zeros((view.rows, 6, 1)), by_place], axis=2)
+        return Change(tuple(range(6)), value, derivative, by_signal)
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:

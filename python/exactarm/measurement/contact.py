@@ -64,7 +64,7 @@ class Contact(Effect):
         at, c = np.flatnonzero(self.rows(view.data)), self.numbers
         numbers, by_target, by_values = self.numbers_at(view, at)
         value = np.zeros((view.rows, 3))
-        value[at] = -view.measured[at]
+        value[at] = -view.measured[at, :3]
         value[at, :c] += numbers
         by_parameters = np.zeros((view.rows, 3, len(self.values)))
         by_parameters[at, :c] = by_values
