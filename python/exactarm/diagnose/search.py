@@ -99,16 +99,35 @@ def search(picture: Picture, most: int = MOST_CAUSES) -> tuple[Members, Posterio
             beyond = picture.beside(certain)
             after = _scored(beyond)
         at, scored = beyond, after
-    return certain, _Search(at, max(most - len(certain.blocks), 0)).run(Members((), ()))
+    start, tried = Members((), ()), set()
+    while True:
+        posterior = _Search(at, max(most - len(certain.blocks), 0)).run(start)
+        found = posterior.members[posterior.best]
+        richer = _richer(picture, Members(certain.blocks + found.blocks, certain.scales + found.scales))
+        if richer is None or richer in tried:
+            return certain, posterior
+        tried.add(richer)
+        kept = [k for k, block in enumerate(richer.blocks) if block in certain.blocks]
+        certain, start = _parted(richer, kept)
+        at = picture.beside(certain) if kept else picture
+
+
+def _parted(members: Members, kept: list[int]) -> tuple[Members, Members]:
+    """The members at some places, and the others."""
+    others = [k for k in range(len(members.blocks)) if k not in kept]
+    take = lambda places: Members(tuple(members.blocks[k] for k in places),
+                                  tuple(members.scales[k] for k in places))
+    return take(kept), take(others)
 
 
 def _richer(picture: Picture, members: Members) -> Members | None:
-    """The set with one form that includes members of it in their place, where it is heavier so; None where it
-    is not."""
+    """The set with one form that includes members of it, or does what they do together, in their place, where
+    it is heavier so; None where it is not."""
     vocabulary, found, heaviest = picture.vocabulary, None, weight_of(picture, members)
-    richer = {form for i in members.blocks for form in vocabulary.richer_than(i)}
+    richer = {form for i in members.blocks for of in (vocabulary.richer_than, vocabulary.wholes_of)
+              for form in of(i)}
     for form in sorted(richer - picture.closed):
-        kept = [k for k, i in enumerate(members.blocks) if form not in vocabulary.forms_of(i)]
+        kept = vocabulary.not_in(form, members.blocks)
         for scale in range(len(SCALE_WEIGHTS)):
             trial = Members((*(members.blocks[k] for k in kept), form),
                             (*(members.scales[k] for k in kept), scale))
@@ -186,17 +205,19 @@ class _Search:
             self._grow(fewer, weight_of(self.picture, fewer))
 
     def _without_families(self, members: Members) -> list[Members]:
-        """The set without all of its members of one family on one axis, so that one richer form may take
-        their place."""
-        blocks = self.picture.vocabulary.blocks
+        """The set without all of its members of one family on one axis, or without all parts of one whole, so
+        that one form may take their place."""
+        vocabulary = self.picture.vocabulary
+        blocks = vocabulary.blocks
         effects = [blocks[i].effect for i in members.blocks]
         families = [(e.family, e.joint) if e is not None and e.family else None for e in effects]
-        found = []
-        for family in {f for f in families if f is not None and families.count(f) > 1}:
-            kept = [k for k, own in enumerate(families) if own != family]
-            found.append(Members(tuple(members.blocks[k] for k in kept),
-                                 tuple(members.scales[k] for k in kept)))
-        return found
+        kept = [[k for k, own in enumerate(families) if own != family]
+                for family in {f for f in families if f is not None and families.count(f) > 1}]
+        wholes = sorted({form for i in members.blocks for form in vocabulary.wholes_of(i)})
+        kept += [others for others in (vocabulary.not_in(form, members.blocks) for form in wholes)
+                 if len(others) < len(members.blocks) - 1]
+        return [Members(tuple(members.blocks[k] for k in each), tuple(members.scales[k] for k in each))
+                for each in kept]
 
     def _grow(self, members: Members, base: float) -> None:
         """The set with every further cause: weights summed over the blocks of a label; members for the best

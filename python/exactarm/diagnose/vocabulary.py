@@ -16,7 +16,7 @@ size the plausible magnitude of each parameter. Prior probability of a block as 
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -135,6 +135,25 @@ class Vocabulary:
         own = self.blocks[index]
         return [i for i in self.forms_of(index)
                 if self.blocks[i].effect is not None and self.blocks[i].columns > own.columns]
+
+    @cached_property
+    def _wholes(self) -> dict[int, tuple[int, ...]]:
+        return {}
+
+    def wholes_of(self, index: int) -> tuple[int, ...]:
+        """The named causes that do what several like a block do together."""
+        own = self.blocks[index].effect
+        if index not in self._wholes:
+            self._wholes[index] = tuple(i for i, block in enumerate(self.blocks)
+                                        if own is not None and block.effect is not None
+                                        and block.effect.sums(own))
+        return self._wholes[index]
+
+    def not_in(self, form: int, indices: Sequence[int]) -> list[int]:
+        """Places in `indices` of the blocks that may act beside a form: neither forms nor parts of it."""
+        same, effect = self.forms_of(form), self.blocks[form].effect
+        part = lambda i: self.blocks[i].effect is not None and effect.sums(self.blocks[i].effect)
+        return [k for k, i in enumerate(indices) if i not in same and not part(i)]
 
     def without(self, refused: tuple[Block, ...]) -> Vocabulary:
         """Without causes at these grid points, whatever their prior."""

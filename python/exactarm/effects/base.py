@@ -147,6 +147,10 @@ class Effect(ABC):
         own = {round(order, 6) for order, _ in self.orders()}
         return all(round(order, 6) in own for order, _ in other.orders())
 
+    def sums(self, other: Effect) -> bool:
+        """Whether it does what several effects like `other` do together, one for each part of the arm."""
+        return False
+
     def parameter_label(self, parameter: Parameter) -> str:
         """Unique name of one of its parameters within a robot: `backlash_2.width_rad`."""
         return f"{self.label}.{parameter.name}"

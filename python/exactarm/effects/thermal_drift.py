@@ -92,6 +92,9 @@ class ThermalGrowth(ThermalDrift):
         return (
             f"the arm grows by {self.values[0]:.3g} of its length per {self.unit} (it follows {self.driver})")
 
+    def sums(self, other: Effect) -> bool:
+        return isinstance(other, ThermalLinkGrowth) and other.driver == self.driver
+
     def change(self, view) -> Change:
         x = slow_signal(view.data, self.driver)[:, None]
         base = view.signals["base_rotation"].reshape(view.rows, 3, 3)
