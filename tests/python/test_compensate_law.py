@@ -79,8 +79,10 @@ def test_effects_that_no_program_can_compensate_are_named():
 
     effect = ThermalDrift.from_table({"growth_1_per_degC": 1e-5, "form": "growth",
                                       "driver": "temperature_degC"})
-    robot = replace(identified(effects=False), effects=(effect,))
-    assert CompensationModel.of(robot).left_out == (effect.label,)
+    for where, middle in ((effect, 20), (replace(effect, between=(45.0, 54.0)), 49.5)):
+        robot = replace(identified(effects=False), effects=(where,))
+        said = f"thermal_drift_growth (taken as at {middle} degC)"
+        assert CompensationModel.of(robot).left_out == (said,)
 
 
 def test_a_calibrated_file_without_the_controllers_frames_is_refused_and_a_declared_one_stands_for_them():

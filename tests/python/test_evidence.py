@@ -21,12 +21,14 @@ SHARE = 0.01
 
 
 class Cause:
-    """What a named block asks of its effect: nothing that another one includes."""
+    """What a named block asks of its effect: nothing that another one includes or sums."""
 
     family, joint, any_curve = "", None, False
 
     def includes(self, other):
         return False
+
+    sums = includes
 
 
 def block(number, columns, at, positive=False):

@@ -10,6 +10,7 @@ from exactarm.chain import Layout, predict_poses
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects import effect_from_table
 from exactarm.effects.slow_driver import TIME
+from exactarm.effects.thermal_drift import ThermalZeroDrift
 from exactarm.effects.tracker_drift import TrackerDrift
 from exactarm.effects.tracker_step import TrackerStep
 from exactarm.numerics.rotation import exp as rotation_exp
@@ -37,7 +38,7 @@ def poses(seed, turn, noise_rad=None):
 def test_derivatives(turn):
     robot, data = poses(1, np.zeros(3))
     effect = TrackerDrift(None, (1e-4, 2e-4, -1e-4, *((3e-5, -2e-5, 1e-5) if turn else (0.0,) * 3)), TIME,
-                          turn)
+                          turn=turn)
     layout = Layout.of((effect,))
     assert layout.size == (6 if turn else 3)
     predict = lambda x: predict_poses(robot, layout.at(x), data, tangents=False).position
@@ -69,6 +70,25 @@ def test_a_device_that_turns_measures_turned_orientations(step):
         return rotation_log(there @ np.swapaxes(found.rotation, -1, -2))
 
     assert_derivative(turned, layout.values, found.jacobian[:, 3:], np.full(layout.size, 1e-5), relative=1e-4)
+
+
+@pytest.mark.parametrize("effect", [
+    TrackerDrift(None, (1e-4, 2e-4, -1e-4, 3e-5, -2e-5, 1e-5, 0.4), TIME, (0.0, 1.2), True, turn=True),
+    ThermalZeroDrift(2, (3e-4, 0.3), TIME, (0.0, 1.2), True)])
+def test_what_settles_has_its_derivatives_stands_still_at_the_end_and_goes_no_farther(effect):
+    """The rows lie up to 1.5 h, its record ended at 1.2 h."""
+    robot, data = poses(1, np.zeros(3))
+    layout = Layout.of((effect,))
+    predict = lambda x, rows=data: predict_poses(robot, layout.at(x), rows, tangents=False).position
+    assert_derivative(predict, layout.values, predict_poses(robot, layout, data).jacobian[:, :3],
+                      np.full(layout.size, 1e-4))
+    assert effect_from_table(effect.to_table()) == effect
+    at = lambda time: predict(layout.values, replace(data, time=time))
+    still = predict_poses(robot, Layout.of(()), data, tangents=False).position
+    np.testing.assert_allclose(at(np.full(COUNT, 4320.0)), still, atol=1e-12)
+    np.testing.assert_allclose(at(None), still, atol=1e-12)  # nothing known: as at the end
+    np.testing.assert_allclose(at(np.full(COUNT, 32400.0)), at(np.full(COUNT, 6480.0)), atol=1e-12)
+    assert np.max(np.abs(at(np.zeros(COUNT)) - still)) > 3e-5
 
 
 def test_files_of_a_shift_alone_are_read():

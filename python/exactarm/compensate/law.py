@@ -77,7 +77,7 @@ class CompensationModel:
         chain = ControllerChain.of(robot)
         standing = [effect for effect in robot.effects if not effect.record]
         used = tuple(effect for effect in standing if effect.compensable and effect.at_rest)
-        left_out = tuple(effect.label for effect in standing if effect not in used)
+        left_out = tuple(effect.where_unknown for effect in standing if effect not in used)
         place, end = compose(base, robot.controller.base), compose(robot.controller.flange, flange)
         actual = replace(robot, base=place, tool=end, effects=used)
         return CompensationModel(actual, chain, Layout.of(used, estimate=False), left_out)

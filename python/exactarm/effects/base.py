@@ -229,6 +229,11 @@ class Effect(ABC):
         are plausible by themselves."""
         return (1.0,)
 
+    @property
+    def where_unknown(self) -> str:
+        """Its label, with how the arm is taken to be where nothing is known of what it follows."""
+        return self.label
+
     def caveat(self, covariance: np.ndarray) -> str:
         """What the estimate cannot tell, in a few words; empty where there is nothing to say."""
         return ""

@@ -173,7 +173,7 @@ def signal_of(view, signal: str) -> np.ndarray:
     """(N,) a signal by the name that it has in formulas."""
     match = _OF_AXIS.match(signal)
     if match is None:
-        return (slow_signal(view.data, TIME)
+        return (np.nan_to_num(slow_signal(view.data, TIME))
                 if signal == "time_h" else np.asarray(view.data.covariates[signal], float))
     kind, index = match[1], int(match[2]) - 1
     if kind == "q":

@@ -27,14 +27,12 @@ from exactarm.data.kinds import ALL_KINDS, GEAR_RUN, MOTION, WITH_TARGET
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.drive import over_samples, sign_slopes
 from exactarm.effects.moving_frames import MovingFrames
-from exactarm.effects.slow_driver import ROW, drivers, quickness, slow_signal, temperatures, unit
+from exactarm.effects.slow_driver import ROW, Follows, drivers, pair_of, settles_in, temperatures
 
 
 @dataclass(frozen=True)
-class ThermalDrift(Effect):
+class ThermalDrift(Follows):
     """What all forms share; `driver` names the covariate that the drift follows, or time, or row."""
-
-    driver: str = "time"
 
     name = "thermal_drift"
     plain = "drift with temperature or time"
@@ -49,54 +47,47 @@ class ThermalDrift(Effect):
         return f"{self.name}_{self.form}"
 
     @property
-    def unit(self) -> str:
-        return unit(self.driver)
-
-    @property
     def of_record(self) -> bool:
-        return self.driver == ROW
-
-    def quickness(self, view) -> tuple[float, ...]:
-        return quickness(view.data, self.driver)
+        return self.driver == ROW or self.settles
 
     def to_table(self):
-        return super().to_table() | {"form": self.form, "driver": self.driver}
+        return super().to_table() | {"form": self.form}
 
-    def change(self, view) -> Change:
+    def at(self, view, x) -> Change:
         """Of three columns, each by a value of its own."""
-        x = slow_signal(view.data, self.driver)
-        return Change((0, 1, 2), x[:, None] * np.asarray(self.values), x[:, None, None] * np.eye(3))
+        return Change((0, 1, 2), x * np.asarray(self.rate_values), x[:, :, None] * np.eye(3))
 
     @classmethod
     def from_table(cls, table) -> Effect:
         form = next(sub for sub in ThermalDrift.__subclasses__() if sub.form == table["form"])
-        raw = form(table.get("joint"), (), table["driver"])
+        raw = form(table.get("joint"), (), table["driver"], pair_of(table), settles_in(table))
         return raw.with_values(table[parameter.name] for parameter in raw.parameters())
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
         for form in ThermalDrift.__subclasses__():
             if view.kind in form.kinds:
-                yield from form.of(robot, view)
+                for effect in form.of(robot, view):
+                    yield from effect.of_record_of(view.data)
 
 
 @dataclass(frozen=True)
 class ThermalGrowth(ThermalDrift):
     kinds = WITH_TARGET
     form = "growth"
+    may_settle = in_record = True
 
-    def parameters(self) -> tuple[Parameter, ...]:
+    def rates(self) -> tuple[Parameter, ...]:
         return (Parameter(f"growth_1_per_{self.unit}", 1e-5),)
 
     def describe(self) -> str:
-        return (
-            f"the arm grows by {self.values[0]:.3g} of its length per {self.unit} (it follows {self.driver})")
+        return (f"the arm grows by {self.values[0]:.3g} of its length per {self.unit}{self.in_time} (it "
+                f"follows {self.driver})")
 
     def sums(self, other: Effect) -> bool:
         return isinstance(other, ThermalLinkGrowth) and other.driver == self.driver
 
-    def change(self, view) -> Change:
-        x = slow_signal(view.data, self.driver)[:, None]
+    def at(self, view, x) -> Change:
         base = view.signals["base_rotation"].reshape(view.rows, 3, 3)
         positions, rotations = view.frames()
         arm = np.einsum("nij,nj->ni", base, positions[:, -1])
@@ -129,20 +120,21 @@ class ThermalLinkGrowth(ThermalDrift):
     kinds = WITH_TARGET
     per_joint = True
     form = "link"
+    may_settle = in_record = True
 
     @property
     def label(self) -> str:
         return f"{super().label}_{self.joint}"
 
-    def parameters(self) -> tuple[Parameter, ...]:
+    def rates(self) -> tuple[Parameter, ...]:
         return (Parameter(f"growth_1_per_{self.unit}", 1e-5),)
 
     def describe(self) -> str:
         return (f"the link beyond axis {self.joint} grows by {self.values[0]:.3g} of its length per "
-                f"{self.unit} (it follows {self.driver})")
+                f"{self.unit}{self.in_time} (it follows {self.driver})")
 
-    def change(self, view) -> Change:
-        frames, k, x = MovingFrames.of(view), self.index, slow_signal(view.data, self.driver)[:, None]
+    def at(self, view, x) -> Change:
+        frames, k = MovingFrames.of(view), self.index
         span = frames.origins[:, k + 1] - frames.origins[:, k]
         if not frames.revolute[k]:
             span -= view.q[:, k, None] * frames.axes[:, k]
@@ -159,8 +151,9 @@ class ThermalLinkGrowth(ThermalDrift):
 class ThermalTargetDrift(ThermalDrift):
     kinds = WITH_TARGET
     form = "target"
+    in_record = True
 
-    def parameters(self) -> tuple[Parameter, ...]:
+    def rates(self) -> tuple[Parameter, ...]:
         return tuple(Parameter(f"drift_{axis}_m_per_{self.unit}", 1e-4) for axis in "xyz")
 
     def describe(self) -> str:
@@ -179,21 +172,20 @@ class ThermalZeroDrift(ThermalDrift):
     kinds = WITH_TARGET
     per_joint = True
     form = "zero"
+    may_settle = in_record = True
 
     @property
     def label(self) -> str:
         return f"{super().label}_{self.joint}"
 
-    def parameters(self) -> tuple[Parameter, ...]:
+    def rates(self) -> tuple[Parameter, ...]:
         return (Parameter(f"zero_rad_per_{self.unit}", 2e-5),)
 
     def describe(self) -> str:
-        return (
-            f"the zero of axis {self.joint} drifts by {self.values[0]:.3g} rad per {self.unit} (it follows "
-            f"{self.driver})")
+        return (f"the zero of axis {self.joint} drifts by {self.values[0]:.3g} rad per "
+                f"{self.unit}{self.in_time} (it follows {self.driver})")
 
-    def change(self, view) -> Change:
-        x = slow_signal(view.data, self.driver)[:, None]
+    def at(self, view, x) -> Change:
         return Change((self.index,), self.values[0] * x, x[:, :, None])
 
     @classmethod
@@ -207,7 +199,7 @@ class ThermalSensorDrift(ThermalDrift):
     kinds = (GEAR_RUN.name,)
     form = "sensor"
 
-    def parameters(self) -> tuple[Parameter, ...]:
+    def rates(self) -> tuple[Parameter, ...]:
         return tuple(Parameter(f"drift_{axis}_rad_s_per_{self.unit}", 1e-4) for axis in "xyz")
 
     def describe(self) -> str:
@@ -233,7 +225,7 @@ class _FrictionFalls:
         common = f"{self.name}_{self.form}"
         return f"{common}_{self.joint}" if self.per_joint else common
 
-    def parameters(self) -> tuple[Parameter, ...]:
+    def rates(self) -> tuple[Parameter, ...]:
         return (Parameter(f"fall_1_per_{self.unit}", 0.01),)
 
     def describe(self) -> str:
@@ -241,9 +233,8 @@ class _FrictionFalls:
             f" of axis {self.joint}" if self.per_joint else "")
         return f"{what} falls by {self.values[0]:.3g} of itself per {self.unit} (it follows {self.driver})"
 
-    def change(self, view) -> Change:
+    def at(self, view, x) -> Change:
         axes = np.array([self.index]) if self.per_joint else np.arange(view.axes)
-        x = slow_signal(view.data, self.driver)[:, None]
         torque, slope = (part[:, axes] for part in self.friction(view))
         column = -x * torque
         falls = -self.values[0] * x * slope / view.robot.controller_ratios[axes]

@@ -58,7 +58,8 @@ class PlanningModel:
 def planning_model(robot: Robot) -> PlanningModel:
     """Tables with the compensable effects baked in; rigid joints and absent masses replaced and told."""
     used = tuple(effect for effect in robot.effects if effect.compensable)
-    left_out = [effect.label for effect in robot.effects if not effect.compensable and not effect.record]
+    left_out = [effect.where_unknown for effect in robot.effects
+                if not effect.compensable and not effect.record]
     warnings = [f"not compensated, because no plan can: {', '.join(left_out)}"] if left_out else []
     baked = Layout.of(used, estimate=False).baked(robot)
     if baked.links is None:
