@@ -2,10 +2,12 @@
 
 
 from math import factorial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from exactarm.diagnose import posterior
 from exactarm.diagnose.evidence import Members, Picture, compressed
 from exactarm.diagnose.search import FIRST, FURTHER, _richer, log_prior_of_count, search, weight_of
 from exactarm.diagnose.self_test import _Parts
@@ -244,3 +246,23 @@ def test_random_signs_by_block_are_those_of_the_rows():
     wild -= pic.absorbed.basis @ (pic.absorbed.basis.T @ wild)
     assert onto == pytest.approx(pic.rows[0].T @ wild)
     assert square == pytest.approx(np.sum(wild**2, axis=0))
+
+
+@pytest.mark.parametrize("anew", [None, 8.0])
+def test_where_to_begin_anew_leads_nowhere_the_causes_found_go_on(monkeypatch, anew):
+    """With more of the declared model free, too many causes acted at once, or fewer were found; a tilt of
+    1 mrad was then an unknown function beside right causes."""
+    result = lambda score: None if score is None else SimpleNamespace(
+        score=score, fits=(SimpleNamespace(layout=SimpleNamespace(size=4)),),
+        noise=SimpleNamespace(numbers=100, of_a_row=np.ones(3)))
+    fewer, more = SimpleNamespace(size=3), SimpleNamespace(size=4)
+    asked, found = [], result(10.0)
+
+    def causes(problem, declared, progress, begun=None):
+        asked.append((declared, begun))
+        return found if declared is fewer else result(anew) if begun is None else result(12.0)
+
+    monkeypatch.setattr(posterior, "_causes", causes)
+    problem = SimpleNamespace(declared_under=lambda layout, sigma: more)
+    assert posterior.find_causes(problem, fewer).score == 12.0
+    assert asked == [(fewer, None), (more, None), (more, found)]

@@ -21,6 +21,7 @@ from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.scan import free_mask
 from exactarm.diagnose.verdict import UNEXPLAINED
 from exactarm.effects import effect_from_table
+from exactarm.effects.payload import Payload
 from exactarm.numerics.orthonormal import orthonormal
 from exactarm.robot_file import load_robot
 from motions import fourier_motion, motion_data
@@ -159,17 +160,23 @@ def test_an_effect_of_closures_may_hurt_at_no_place_however_much_it_helps_at_the
     assert Problem.holds(problem, without, without * [0.2, 0.2, 2.0])  # of other data the sum decides
 
 
-def test_a_spring_that_gives_way_against_its_load_and_a_negative_rotor_are_impossible():
+def test_springs_against_their_load_and_negative_rotors_or_payloads_are_impossible():
     robot = load_robot("racer-7-1.4")
     declared = 1.0 / robot.joints[1].spring_linear
     softer = {"effect": "joint_compliance", "joint": 2, "linear_rad_per_Nm": -0.5 * declared,
               "cubic_rad_per_Nm3": 0.0}
-    assert effect_from_table(softer).possible(robot)
-    assert not effect_from_table(softer | {"linear_rad_per_Nm": -1.5 * declared}).possible(robot)
+    assert effect_from_table(softer).possible(robot, np.zeros(2))
+    assert not effect_from_table(softer | {"linear_rad_per_Nm": -1.5 * declared}).possible(robot, np.zeros(2))
     robot = robot.with_joint(2, rotor_inertia=1e-3)
     rotor = {"effect": "rotor_inertia", "joint": 3, "inertia_kg_m2": -0.5e-3}
-    assert effect_from_table(rotor).possible(robot)
-    assert not effect_from_table(rotor | {"inertia_kg_m2": -2e-3}).possible(robot)
+    assert effect_from_table(rotor).possible(robot, np.zeros(2))
+    assert not effect_from_table(rotor | {"inertia_kg_m2": -2e-3}).possible(robot, np.zeros(2))
+    mass = lambda kg: Payload(None, (kg, 0.0, 0.0, 0.1))
+    own = sum(link.mass for link in robot.links)
+    assert mass(4.0).possible(robot, np.ones(4))
+    assert mass(-0.5 * robot.links[-1].mass).possible(robot, np.zeros(4))
+    assert not mass(-30.0).possible(robot, np.ones(4)) and mass(-30.0).possible(robot, np.full(4, 20.0))
+    assert not mass(3.0 * own).possible(robot, np.ones(4))
 
 
 @cache

@@ -27,4 +27,5 @@ def shown(effects: list[Effect], view: View) -> list[Effect]:
 def is_possible(robot: Robot, fitted: Fitted, index: int) -> bool:
     """Of the effect at `index` of the layout: off its bounds, and within what an arm can be."""
     effect, where = fitted.layout.effects[index], fitted.layout.slices[index]
-    return not fitted.fit.at_bound[where].any() and effect.possible(robot)
+    deviation = np.sqrt(np.diag(fitted.fit.covariance)[where])
+    return not fitted.fit.at_bound[where].any() and effect.possible(robot, deviation)

@@ -81,17 +81,19 @@ def find_causes(problem: Problem, declared: Layout, progress: Progress = lambda 
     linear picture.
 
     What the declared fit leaves decides which of its parameters can be told. Where the noise beside the
-    causes is less, more of them can be, and what they had left is no cause: all begins anew with them. The
-    likelier of the two counts, for a weak direction that is free beside a strong cause may lead the fit, and
-    its linear picture, far from where it should be."""
+    causes is less, more of them can be, and what they had left is no cause: all begins anew with them, or,
+    where that leads nowhere, goes on from the causes found. The likelier counts, for a weak direction that is
+    free beside a strong cause may lead the fit, and its linear picture, far from where it should be."""
     found = _causes(problem, declared, progress)
     if found is None:
         return None
     wider = problem.declared_under(found.fits[0].layout, found.noise.of_a_row)
     if wider.size > declared.size:
         progress(f"searching anew with {wider.size - declared.size} more declared parameters")
-        again = _causes(problem, wider, progress)
-        found = found if again is None else max(found, again, key=_likelihood_less_price)
+        anew = [found, _causes(problem, wider, progress)]
+        if anew[1] is None or _likelihood_less_price(anew[1]) <= _likelihood_less_price(found):
+            anew.append(_causes(problem, wider, progress, found))
+        found = max((one for one in anew if one is not None), key=_likelihood_less_price)
     return found
 
 
@@ -100,7 +102,9 @@ def _likelihood_less_price(causes: Causes) -> float:
     return causes.score - 0.5 * causes.fits[-1].layout.size * float(np.log(causes.noise.numbers))
 
 
-def _causes(problem: Problem, declared: Layout, progress: Progress) -> Causes | None:
+def _causes(problem: Problem, declared: Layout, progress: Progress,
+            begun: Causes | None = None) -> Causes | None:
+    """begun: causes to begin with, found beside fewer declared parameters."""
     first = problem.fit(declared)
     fits, chosen, places, unknown = [first], [], [], ()
     whole = vocabulary = _vocabulary(problem, first)
@@ -110,6 +114,16 @@ def _causes(problem: Problem, declared: Layout, progress: Progress) -> Causes | 
     springs_first = first.view.has_masses and not carried
     nothing = something = noise = None
     refused = 0
+
+    def beside_chosen(fit: Fitted) -> Vocabulary:
+        more = [e for e in candidates_for(problem, fit) if e.carried and e.label not in carried]
+        return whole.beside(chosen).joined(vocabulary_of(fit, _companions(chosen) + more, []))
+
+    if begun is not None and begun.places:
+        fits.append(refit(problem, declared, [place.effect for place in begun.places], first, begun.noise))
+        chosen = [*fits[-1].layout.effects[len(declared.effects) :]]
+        places = [replace(place, round=0) for place in begun.places]
+        nothing, noise, vocabulary = begun.probability_nothing, begun.noise, beside_chosen(fits[-1])
     for _ in range(_ROUNDS + _MOST_REFUSED):
         progress(f"{len(chosen)} found so far")
         found = search_round(problem, At.of(problem, fits[-1], vocabulary, len(chosen)), noise)
@@ -130,8 +144,7 @@ def _causes(problem: Problem, declared: Layout, progress: Progress) -> Causes | 
             chosen = [*fit.layout.effects[len(declared.effects) :]]
             places += kept
             fits.append(fit)
-            more = [e for e in candidates_for(problem, fit) if e.carried and e.label not in carried]
-            vocabulary = whole.beside(chosen).joined(vocabulary_of(fit, _companions(chosen) + more, []))
+            vocabulary = beside_chosen(fit)
         elif new and not held and refused < _MOST_REFUSED:
             refused += 1
             whole = whole.without(found.named_blocks())

@@ -238,10 +238,10 @@ class Effect(ABC):
         """What the estimate cannot tell, in a few words; empty where there is nothing to say."""
         return ""
 
-    def possible(self, robot: Robot) -> bool:
+    def possible(self, robot: Robot, deviation: np.ndarray) -> bool:
         """Whether arm and drives can be so, together with what the robot's tables declare: no negative
         inertia, no spring that gives way against its load. What one parameter alone can break is a bound of
-        that parameter."""
+        that parameter. deviation (k,): the values' standard deviations."""
         return True
 
     @property

@@ -53,7 +53,7 @@ class JointCompliance(Effect):
         return (Parameter("linear_rad_per_Nm", _PLAUSIBLE, -np.inf if self.beside_spring else 0.0),
                 Parameter("cubic_rad_per_Nm3", 1e-12, fixed=not self.cubic_free))
 
-    def possible(self, robot) -> bool:
+    def possible(self, robot, deviation) -> bool:
         stiffness = robot.joints[self.index].spring_linear
         return self.values[0] + (1.0 / stiffness if stiffness else 0.0) >= 0.0
 

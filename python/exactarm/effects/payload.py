@@ -18,6 +18,7 @@ from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.robot.pseudo_inertia import ENTRIES
 
 _MASS_FLOOR_KG = 1e-3
+HEAVY = 2.0  # times the arm's own mass: light arms carry up to their own, grams are a thousand times too much
 # standard deviations that the mass must be away from zero, so that a moment over it has a meaning
 _CERTAIN = 2.0
 
@@ -69,6 +70,13 @@ class Payload(Effect):
             return ""
         return ("this data tells its moment but not its mass apart from the lever arm: no centre of mass is "
                 "given")
+
+    def possible(self, robot, deviation) -> bool:
+        """Not lighter than nothing, nor HEAVY times as heavy as the arm, beyond what the estimate leaves."""
+        links, doubt = robot.links or (), _CERTAIN * deviation[0]
+        own = sum(link.mass for link in links)
+        lightest = -links[-1].mass if links else 0.0
+        return self.values[0] + doubt >= lightest and not 0.0 < HEAVY * own < self.values[0] - doubt
 
     def _weighs(self, covariance) -> bool:
         return abs(self.values[0]) > max(_CERTAIN * np.sqrt(covariance[0, 0]), _MASS_FLOOR_KG)

@@ -24,7 +24,7 @@ class RotorInertia(DriveEffect):
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("inertia_kg_m2", 5e-4),)
 
-    def possible(self, robot) -> bool:
+    def possible(self, robot, deviation) -> bool:
         return (robot.joints[self.index].rotor_inertia or 0.0) + self.values[0] >= 0.0
 
     def change(self, view) -> Change:

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from exactarm.data.dataset import Dataset
+from exactarm.effects.payload import HEAVY
 from exactarm.first_aid.suspicion import Suspicion
 from exactarm.identify.loads import joint_angles
 from exactarm.rest_load import RestLoad
@@ -21,7 +22,6 @@ from exactarm.robot.robot import Robot
 
 AGAINST = -0.5  # correlation with gravity, from which on a sign is wrong: friction and noise make none
 OFF_DECLARED, OFF_GENERIC = 3.0, 30.0  # times gravity's size: generic masses are right to a factor of five
-HEAVY = 2.0  # times the arm's own mass: light arms carry up to their own, grams are a thousand times too much
 FAR_M = 2.0  # of a payload's centre from the flange: mm as m are a thousand times too much
 
 

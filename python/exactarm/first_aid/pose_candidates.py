@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from exactarm.data.dataset import Dataset
 from exactarm.data.euler import read_as
+from exactarm.data.kinds import TRACKED_MOTION
 from exactarm.robot.axes_in_words import axes_in_words
 from exactarm.robot.robot import Placement, Robot
 from exactarm.robot_file import load_robot, shipped_robots
@@ -184,7 +185,9 @@ def _of_rows(data: Dataset, whole: Dataset, rows: np.ndarray) -> Iterator[tuple[
         order = np.clip(rows + shift, 0, len(whole) - 1)
         return np.where(whole.session[order] == whole.session[rows], order, rows)
 
-    for shift, words in ((1, "positions one row later than the angles"),
+    # of a series it is a delay, which the library knows and the file's model may have
+    for shift, words in () if TRACKED_MOTION.name in whole.kinds else (
+                         (1, "positions one row later than the angles"),
                          (-1, "positions one row earlier than the angles"),
                          (2, "positions two rows later than the angles"),
                          (-2, "positions two rows earlier than the angles")):
