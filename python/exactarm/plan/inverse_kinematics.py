@@ -1,7 +1,8 @@
 """Inverse kinematics along a reference, on the accurate model (thesis (4.5)); the work is done in the core.
 
 A pose that cannot be reached is reported with its time and the reason. Without a start the branch
-nearest to the middle of the joint limits that follows the whole reference is taken.
+nearest to the middle of the joint limits that follows the whole reference is taken. Arms of fewer than six
+axes take the nearest orientation where axes that lean leave none (few_axes.py).
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import numpy as np
 
 from exactarm import _core
 from exactarm.errors import ComputationError, InputError
+from exactarm.plan.few_axes import attainable
 from exactarm.plan.reference import Reference
 
 NEAR_SINGULAR = 0.01  # conditioning below which the result carries a warning
@@ -31,6 +33,20 @@ def inverse_kinematics(core: _core.Robot, reference: Reference, start: np.ndarra
     n = core.axes
     if start is not None and np.shape(start) != (n,):
         raise InputError(f"start: found {np.size(start)} joint angles, expected {n}")
+    try:
+        return _followed(core, reference, start)
+    except ComputationError:
+        nearest = attainable(core, reference, start) if n < 6 else None
+        if nearest is None:
+            raise
+        reached, start, off = nearest
+        found = _followed(core, reached, start)
+        told = (f"the flange is turned up to {1e3 * off:.2g} mrad from the orientation asked for: the axes "
+                f"of this arm lean, and {n} of them cannot make up for it",)
+        return JointPath(found.q, found.conditioning, found.warnings + told)
+
+
+def _followed(core: _core.Robot, reference: Reference, start: np.ndarray | None) -> JointPath:
     starts = [np.asarray(start, float)] if start is not None else branches(core, reference)
     rotations = reference.rotation.reshape(-1, 9)
     failures = []
