@@ -2,6 +2,7 @@
 be one."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -96,14 +97,18 @@ def test_plan_and_compensate_say_how_far_the_model_is_to_be_trusted(arm, tmp_pat
     q[:, [2, 4]] = own.uniform(0.5 * NARROW, NARROW, (5, 2))
     targets.write_text("".join(",".join(map(str, row)) + "\n"
                                for row in [[f"q_{i + 1}_rad" for i in range(6)], *q.tolist()]))
-    for file, told in ((tmp_path / "arm.toml", True), ("ur10", False)):
+    coarse = replace(robot, covariance=replace(robot.covariance, noise_m=0.03))
+    write_robot(tmp_path / "coarse.toml", coarse)
+    for file, told in ((tmp_path / "coarse.toml", True), (tmp_path / "arm.toml", True), ("ur10", False)):
         out = tmp_path / f"out_{told}"
         assert cli.main(["compensate", str(file), str(targets), "--points", "calculated", "--start",
                          "0,0,0,0,0,0", "--out", str(out), "--quiet"]) == 0
         found = json.loads((out / "result.json").read_text())["model_uncertainty"]
         assert (found is not None) == told
         assert ("radius95_mm" in (out / "compensation.csv").read_text()) == told
-        assert ("carries no covariance" in (out / "report.html").read_text()) != told
+        page = (out / "report.html").read_text()
+        assert ("carries no covariance" in page) != told
+        assert ("the arm may end up no better" in page) == (file == tmp_path / "coarse.toml")
     wanted = model_uncertainty(robot, q)
     found = json.loads((tmp_path / "out_True" / "result.json").read_text())["model_uncertainty"]
     assert np.isclose(found["radius95_max_m"], wanted.max(), rtol=0.1)  # the commands are not the targets

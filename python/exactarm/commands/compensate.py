@@ -182,7 +182,7 @@ def run(arguments: argparse.Namespace) -> CommandResult:
     radius = model_uncertainty(robot, q_after, arguments.threads)
     written = [pair for c in corrections for pair in zip(c.program.files, c.contents)]
     return CommandResult(
-        json=summary_of(corrections, frames, model) | {"model_uncertainty": trust_json(radius)},
+        json=summary_of(corrections, frames, model, radius) | {"model_uncertainty": trust_json(radius)},
         report=report_of(robot, corrections, frames, model, radius),
         tables={"compensation.csv": compensation_table(corrections, radius)}
         | {f"{source.path!r}.parquet": target_table.columns_of(content) for source, content in written

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from exactarm.commands.model_trust import trust_highlights, trust_text
+from exactarm.commands.model_trust import trust_highlights, trust_json, trust_text
 from exactarm.compensate.correction import Correction
 from exactarm.compensate.frames import CellFrames
 from exactarm.compensate.law import CompensationModel
@@ -40,7 +40,8 @@ def compensation_table(corrections: Sequence[Correction], radius: np.ndarray | N
     return columns | {"why": [why for c in corrections for why in c.why]}
 
 
-def summary_of(corrections: Sequence[Correction], frames: CellFrames, model: CompensationModel) -> dict:
+def summary_of(corrections: Sequence[Correction], frames: CellFrames, model: CompensationModel,
+               radius: np.ndarray | None) -> dict:
     """The command's keys of result.json."""
     return {"frames": {"choice": frames.choice, "base_shift_m": frames.base.position,
                        "flange_shift_m": frames.flange.position},
@@ -51,7 +52,7 @@ def summary_of(corrections: Sequence[Correction], frames: CellFrames, model: Com
             "effects": [effect.label for effect in model.layout.effects],
             "not_compensated": list(model.left_out),
             "warnings": [*([OWN] if _own(_sizes(corrections)) else []),
-                         *_warnings(corrections, frames, model)]}
+                         *_warnings(corrections, frames, model, radius)]}
 
 
 def _program(correction: Correction) -> dict:
@@ -90,11 +91,17 @@ def _shown(length: float | None) -> float | None:
     return None if length is None else max(length, FINEST_M)
 
 
-def _warnings(corrections: Sequence[Correction], frames: CellFrames, model: CompensationModel) -> list[str]:
+def _warnings(corrections: Sequence[Correction], frames: CellFrames, model: CompensationModel,
+              radius: np.ndarray | None) -> list[str]:
     names = [correction.program.files[0].path.name for correction in corrections]
     found = [warning if len(names) == 1 or warning.startswith(name) else f"{name}: {warning}"
              for name, correction in zip(names, corrections) for warning in correction.warnings]
     found += frames.warnings
+    sizes, known = _sizes(corrections), trust_json(radius)
+    if known and sizes.n and not _own(sizes) and known["radius95_median_m"] > sizes.mean:
+        found.append(f"the model itself is known to {quantity(known['radius95_median_m'], 'm')} (95 %), the "
+                     f"corrections are {quantity(sizes.mean, 'm')} on average: the arm may end up no better; "
+                     "`diagnose` looks for what is left")
     if model.left_out:
         found.append(f"in the robot file, but no program can compensate it: {', '.join(model.left_out)}")
     refused = sum(len(correction.refused) for correction in corrections)
@@ -127,7 +134,7 @@ def report_of(robot: Robot, corrections: Sequence[Correction], frames: CellFrame
                 _bends(corrections), _largest_rows(corrections), _left(corrections),
                 Text("What was compensated", (_effects(robot, model),)),
                 trust_text(radius, "at the targets"),
-                Warnings(tuple(_warnings(corrections, frames, model)))]
+                Warnings(tuple(_warnings(corrections, frames, model, radius)))]
     return Report(f"Compensation by {robot.name}", verdict, tuple(sections), tone)
 
 
