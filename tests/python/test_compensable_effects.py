@@ -92,7 +92,7 @@ def test_a_program_and_a_plan_correct_an_effect_or_say_that_they_do_not(name):
     cls, effects = library()[name], FOUND[name]
     model = lambda effect: CompensationModel.of(replace(ARM, effects=(*ARM.effects, effect)))
     moved = max((float(np.abs(commands((e,)) - commands()).max()) for e in effects[:12]), default=0.0)
-    told = all(model(effect).left_out == (effect.label,) for effect in effects)
+    told = all(model(effect).left_out == (effect.where_unknown,) for effect in effects)
     assert (moved > MOVES_RAD) != (told or not effects)
     plans = [planned((effect,)) for effect in effects[:12]]
     moved = max((float(np.abs(plan[0] - planned()[0]).max()) for plan in plans), default=0.0)

@@ -9,7 +9,10 @@ Families, by their likelihood (each further parameter pays half the logarithm of
 
 each with one scale for all components of a kind (positions, orientations), or one for every component. A row
 of the last family is wrong by itself where that is more than 99 % probable; its weight is zero. That there
-are such rows at all is as probable as all families with them beside all without.
+are such rows at all is as probable as all families with them beside all without, and beside Student laws of
+every component by itself: one that is far off makes no row wrong where all have such tails. (Of 60 sets of
+150 such rows 2 had wrong rows at above one half, now none; 3 rows with one component off by 10 to 40
+times the noise are found in 59 of 60, at above 0.95 in 54; tests/python/test_tails.py.)
 """
 
 from __future__ import annotations
@@ -53,12 +56,13 @@ def estimate_noise(
         visits, rounding = normal.visits, normal.rounding
     e = _without_rounding(_blown(residual, lost), rounding)
     lost = float(np.sum(lost))
-    found, further = [], []  # parameters beyond those of one normal law
+    found, further, alone = [], [], []  # further: parameters beyond those of one normal law
     for kinds in (_kinds(residual), np.ones(m, int)):
         for nu in (np.inf, *FREEDOMS):
             found += [_student(e, kinds, nu), _gross(e, kinds, nu)]
             scales = len(kinds) - len(_kinds(residual)) + np.isfinite(nu)
             further += [scales, scales + 2.0]  # share and width of the gross rows
+            alone += [_by_component(e, kinds, nu) - 0.5 * np.log(rows) * scales] if np.isfinite(nu) else []
     price = 0.5 * np.log(rows) * np.array(further)
     values = np.array([model.log_likelihood for model in found]) - price
     seem = found[1].wrong  # beside a normal law: a structure makes heavy tails, too
@@ -66,7 +70,9 @@ def estimate_noise(
     if in_space or in_time:
         values[1::2] = -np.inf
     together = int(seem.sum()) if in_space else 0
-    wrong = special.expit(special.logsumexp(values[1::2]) - special.logsumexp(values[::2]))
+    wrong = special.expit(special.logsumexp(values[1::2]) - special.logsumexp([*values[::2], *alone]))
+    if max(alone) > values.max():
+        values[1::2] = -np.inf
     found = [replace(model, wrong_probability=float(wrong)) for model in found]
     best = _with_visits(found[int(np.argmax(values))], residual, lost, visits, rounding)
     if order is None:
@@ -189,6 +195,13 @@ def _student(e: np.ndarray, kinds: np.ndarray, nu: float) -> NoiseModel:
     value = float(np.sum(_log_density(square, m, nu)) - rows * (kinds @ np.log(sigma)))
     family = "student" if np.isfinite(nu) else "gauss"
     return NoiseModel(np.repeat(sigma, kinds), _row_weight(square, m, nu), family, nu, value)
+
+
+def _by_component(e: np.ndarray, kinds: np.ndarray, nu: float) -> float:
+    """Log likelihood of residuals (N, m) whose components have Student laws by themselves, one scale a
+    kind."""
+    parts = np.split(e, np.cumsum(kinds)[:-1], axis=1)
+    return sum(_student(part.reshape(-1, 1), np.array([1]), nu).log_likelihood for part in parts)
 
 
 def _robust(squares: np.ndarray, kinds: np.ndarray) -> np.ndarray:
