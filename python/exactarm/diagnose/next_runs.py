@@ -49,9 +49,19 @@ def separating_run(robot: Robot, fitted: Fitted, record: GearRecord, one: Effect
     runs = max(1, int(np.ceil((CLEAR / max(ratio, 1e-9)) ** 2 / best_rows)))
     if runs > 20:
         return (f"No run of one axis inside the limits parts {names} (at most {ratio:.2g} times the "
-                "scatter): repeat the runs with another known payload.")
+                f"scatter): {_instead(one, other)}.")
     return (f"Move {best}, {runs} run{'s' if runs > 1 else ''}: there {names} differ by {ratio:.2g} times "
             "the scatter (RMS).")
+
+
+def _instead(one: Effect, other: Effect) -> str:
+    """What else may part them: loads, where one of them follows these; else other axes, where one of them
+    belongs to the sensor; else what is known of the gear."""
+    if one.by_load or other.by_load:
+        return "repeat the runs with another known payload"
+    if (one.joint is None) != (other.joint is None):
+        return "measure another axis with the same sensor, whose own error is the same there"
+    return "a count of the teeth, or an encoder behind the gear, would"
 
 
 def _planned(robot: Robot, fitted: Fitted, record: GearRecord, axis: int, share: float, turn: float):
