@@ -95,8 +95,10 @@ class Follows(Effect):
     @property
     def in_time(self) -> str:
         """For a sentence: how fast it settles."""
-        return (f", at first, and settles with a time constant of {self.values[-1]:.3g} {self.unit}"
-                if self.settles else "")
+        if not self.settles:
+            return ""
+        units = "rows" if self.driver == ROW else self.unit
+        return f" at first, and settles with a time constant of {self.values[-1]:.3g} {units}"
 
     def parameters(self) -> tuple[Parameter, ...]:
         if not self.settles:
