@@ -113,3 +113,12 @@ def test_a_drift_is_named_and_its_turn_is_drawn_to_zero_only_where_the_device_do
     inside = (low <= [*SHIFT, *turn]) & ([*SHIFT, *turn] <= high)
     assert inside.sum() >= 5  # of six intervals of 95 %
     assert result.after["validation"].rms < 0.75 * result.before["validation"].rms
+
+
+@pytest.mark.parametrize("entry", [{"settling_h": 0.0}, {"settling_h": -1.0}, {"between": [2.0, 1.0]},
+                                   {"between": [0.0]}, {"between": None}, {"between": ["a", "b"]}])
+def test_a_drift_that_cannot_be_is_refused(entry):
+    table = ThermalZeroDrift(2, (3e-4, 0.3), TIME, (0.0, 1.2), True).to_table()
+    assert effect_from_table(table).settles
+    with pytest.raises((TypeError, ValueError)):
+        effect_from_table({key: value for key, value in (table | entry).items() if value is not None})

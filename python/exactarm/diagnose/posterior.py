@@ -81,19 +81,18 @@ def find_causes(problem: Problem, declared: Layout, progress: Progress = lambda 
     linear picture.
 
     What the declared fit leaves decides which of its parameters can be told. Where the noise beside the
-    causes is less, more of them can be, and what they had left is no cause: all begins anew with them, or,
-    where that leads nowhere, goes on from the causes found. The likelier counts, for a weak direction that is
-    free beside a strong cause may lead the fit, and its linear picture, far from where it should be."""
+    causes is less, more of them can be, and what they had left is no cause: all begins anew with them, or
+    goes on from the causes found where anew too many would act at once. The likelier counts, for a weak
+    direction that is free beside a strong cause may lead the fit, and its linear picture, far from where it
+    should be."""
     found = _causes(problem, declared, progress)
     if found is None:
         return None
     wider = problem.declared_under(found.fits[0].layout, found.noise.of_a_row)
     if wider.size > declared.size:
         progress(f"searching anew with {wider.size - declared.size} more declared parameters")
-        anew = [found, _causes(problem, wider, progress)]
-        if anew[1] is None or _likelihood_less_price(anew[1]) <= _likelihood_less_price(found):
-            anew.append(_causes(problem, wider, progress, found))
-        found = max((one for one in anew if one is not None), key=_likelihood_less_price)
+        again = _causes(problem, wider, progress) or _causes(problem, wider, progress, found)
+        found = found if again is None else max(found, again, key=_likelihood_less_price)
     return found
 
 

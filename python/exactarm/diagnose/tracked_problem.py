@@ -22,7 +22,7 @@ from exactarm.diagnose.signal import PLACE, POSITION, TWO_ANGLES, Direction, Sig
 from exactarm.diagnose.smoothness import second_order
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.calibrate import calibrated_robot, identifiable_layout, require_sessions
-from exactarm.identify.declared import carried_layout, geometry_layout
+from exactarm.identify.declared import geometry_layout, reestimated_layout
 from exactarm.identify.layout_fit import Drawing
 from exactarm.identify.tracked_fit import (
     KIND,
@@ -94,7 +94,7 @@ class TrackedProblem(ProblemInTime):
     def declared(self) -> Layout:
         frames = tracked_frames(self.robot, self.data, self.seed)
         layout = frames.joined(geometry_layout(self.robot)).joined(
-            carried_layout(self.robot, self.data, KIND))
+            reestimated_layout(self.robot, self.data, KIND))
         still = static_rows(self.data)
         kept, _ = identifiable_layout(self.robot, layout, still, False, threads=self.threads)
         first = self.fit(kept)

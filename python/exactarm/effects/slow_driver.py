@@ -170,8 +170,12 @@ def pair_of(table) -> tuple[float, float] | None:
 
 
 def settles_in(table) -> bool:
-    """Whether an entry of a robot file has a time constant."""
-    return any(key.startswith("settling_") for key in table)
+    """Whether an entry of a robot file has a time constant. Raises TypeError if it is none, or the ends of
+    the record are missing."""
+    constants = [value for key, value in table.items() if key.startswith("settling_")]
+    if constants and not (constants[0] > 0.0 and "between" in table):
+        raise TypeError("settling: expected a time above zero, and between")
+    return bool(constants)
 
 
 def unit(name: str) -> str:

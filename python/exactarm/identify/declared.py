@@ -74,13 +74,13 @@ def with_estimates(robot: Robot, layout: Layout, intervals: np.ndarray) -> Robot
     return replace(layout.baked(robot, declared=True), intervals=dict(robot.intervals) | told)
 
 
-def reestimated_layout(robot: Robot, data: Dataset) -> Layout:
+def reestimated_layout(robot: Robot, data: Dataset, kind: str = POSES.name) -> Layout:
     """The same effects, those free that were estimated from data before: what has an interval on record.
 
     An estimate is no declaration: held, it would keep what another cause had lent it. Orders and other
     searched parameters stay where they were found, parameters at a bound too.
     """
-    layout = carried_layout(robot, data)
+    layout = carried_layout(robot, data, kind)
     free = tuple(
         np.array([not (p.fixed or p.search) and _was_estimated(robot, e, p) for p in e.parameters()], bool)
         for e in layout.effects)

@@ -33,6 +33,7 @@ FREEDOMS = (30.0, 10.0, 5.0, 3.0)
 LEAST_GROSS, MOST_GROSS = 5.0, 100.0
 _MOST_WRONG = 0.2
 _SURELY_WRONG = 0.99
+_HOPELESS = 7.0  # nats: 1 in 1,000
 _PASSES = 60
 # rows beyond the first of their pose, below which nothing is said of what visits share
 _LEAST_ROWS_A_VISIT = 10
@@ -56,13 +57,12 @@ def estimate_noise(
         visits, rounding = normal.visits, normal.rounding
     e = _without_rounding(_blown(residual, lost), rounding)
     lost = float(np.sum(lost))
-    found, further, alone = [], [], []  # further: parameters beyond those of one normal law
+    found, further = [], []  # parameters beyond those of one normal law
     for kinds in (_kinds(residual), np.ones(m, int)):
         for nu in (np.inf, *FREEDOMS):
             found += [_student(e, kinds, nu), _gross(e, kinds, nu)]
             scales = len(kinds) - len(_kinds(residual)) + np.isfinite(nu)
             further += [scales, scales + 2.0]  # share and width of the gross rows
-            alone += [_by_component(e, kinds, nu) - 0.5 * np.log(rows) * scales] if np.isfinite(nu) else []
     price = 0.5 * np.log(rows) * np.array(further)
     values = np.array([model.log_likelihood for model in found]) - price
     seem = found[1].wrong  # beside a normal law: a structure makes heavy tails, too
@@ -70,6 +70,7 @@ def estimate_noise(
     if in_space or in_time:
         values[1::2] = -np.inf
     together = int(seem.sum()) if in_space else 0
+    alone = _by_component(e) if values[1::2].max() > values[::2].max() - _HOPELESS else [-np.inf]
     wrong = special.expit(special.logsumexp(values[1::2]) - special.logsumexp([*values[::2], *alone]))
     if max(alone) > values.max():
         values[1::2] = -np.inf
@@ -197,11 +198,16 @@ def _student(e: np.ndarray, kinds: np.ndarray, nu: float) -> NoiseModel:
     return NoiseModel(np.repeat(sigma, kinds), _row_weight(square, m, nu), family, nu, value)
 
 
-def _by_component(e: np.ndarray, kinds: np.ndarray, nu: float) -> float:
-    """Log likelihood of residuals (N, m) whose components have Student laws by themselves, one scale a
-    kind."""
-    parts = np.split(e, np.cumsum(kinds)[:-1], axis=1)
-    return sum(_student(part.reshape(-1, 1), np.array([1]), nu).log_likelihood for part in parts)
+def _by_component(e: np.ndarray) -> list[float]:
+    """Log likelihood, less the price, of residuals (N, m) whose components have Student laws by themselves:
+    with one scale a kind, and one a component, of each law's degrees of freedom."""
+    found = []
+    for kinds in (_kinds(e), np.ones(e.shape[1], int)):
+        parts = np.split(e, np.cumsum(kinds)[:-1], axis=1)
+        price = 0.5 * np.log(len(e)) * (len(kinds) - len(_kinds(e)) + 1)
+        alone = lambda part, nu: _student(part.reshape(-1, 1), np.array([1]), nu).log_likelihood
+        found += [sum(alone(part, nu) for part in parts) - price for nu in FREEDOMS]
+    return found
 
 
 def _robust(squares: np.ndarray, kinds: np.ndarray) -> np.ndarray:
