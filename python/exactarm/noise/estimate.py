@@ -9,10 +9,7 @@ Families, by their likelihood (each further parameter pays half the logarithm of
 
 each with one scale for all components of a kind (positions, orientations), or one for every component. A row
 of the last family is wrong by itself where that is more than 99 % probable; its weight is zero. That there
-are such rows at all is as probable as all families with them beside all without, and beside Student laws of
-every component by itself: one that is far off makes no row wrong where all have such tails. (Of 60 sets of
-150 such rows 2 had wrong rows at above one half, now none; 3 rows with one component off by 10 to 40
-times the noise are found in 59 of 60, at above 0.95 in 54; tests/python/test_tails.py.)
+are such rows at all is as probable as all families with them beside all without.
 """
 
 from __future__ import annotations
@@ -33,7 +30,6 @@ FREEDOMS = (30.0, 10.0, 5.0, 3.0)
 LEAST_GROSS, MOST_GROSS = 5.0, 100.0
 _MOST_WRONG = 0.2
 _SURELY_WRONG = 0.99
-_HOPELESS = 7.0  # nats: 1 in 1,000
 _PASSES = 60
 # rows beyond the first of their pose, below which nothing is said of what visits share
 _LEAST_ROWS_A_VISIT = 10
@@ -70,10 +66,7 @@ def estimate_noise(
     if in_space or in_time:
         values[1::2] = -np.inf
     together = int(seem.sum()) if in_space else 0
-    alone = _by_component(e) if values[1::2].max() > values[::2].max() - _HOPELESS else [-np.inf]
-    wrong = special.expit(special.logsumexp(values[1::2]) - special.logsumexp([*values[::2], *alone]))
-    if max(alone) > values.max():
-        values[1::2] = -np.inf
+    wrong = special.expit(special.logsumexp(values[1::2]) - special.logsumexp(values[::2]))
     found = [replace(model, wrong_probability=float(wrong)) for model in found]
     best = _with_visits(found[int(np.argmax(values))], residual, lost, visits, rounding)
     if order is None:
@@ -196,18 +189,6 @@ def _student(e: np.ndarray, kinds: np.ndarray, nu: float) -> NoiseModel:
     value = float(np.sum(_log_density(square, m, nu)) - rows * (kinds @ np.log(sigma)))
     family = "student" if np.isfinite(nu) else "gauss"
     return NoiseModel(np.repeat(sigma, kinds), _row_weight(square, m, nu), family, nu, value)
-
-
-def _by_component(e: np.ndarray) -> list[float]:
-    """Log likelihood, less the price, of residuals (N, m) whose components have Student laws by themselves:
-    with one scale a kind, and one a component, of each law's degrees of freedom."""
-    found = []
-    for kinds in (_kinds(e), np.ones(e.shape[1], int)):
-        parts = np.split(e, np.cumsum(kinds)[:-1], axis=1)
-        price = 0.5 * np.log(len(e)) * (len(kinds) - len(_kinds(e)) + 1)
-        alone = lambda part, nu: _student(part.reshape(-1, 1), np.array([1]), nu).log_likelihood
-        found += [sum(alone(part, nu) for part in parts) - price for nu in FREEDOMS]
-    return found
 
 
 def _robust(squares: np.ndarray, kinds: np.ndarray) -> np.ndarray:
