@@ -92,7 +92,7 @@ def test_a_program_and_a_plan_correct_an_effect_or_say_that_they_do_not(name):
     cls, effects = library()[name], FOUND[name]
     model = lambda effect: CompensationModel.of(replace(ARM, effects=(*ARM.effects, effect)))
     moved = max((float(np.abs(commands((e,)) - commands()).max()) for e in effects[:12]), default=0.0)
-    told = all(model(effect).left_out == (effect.where_unknown,) for effect in effects)
+    told = all(model(effect).left_out == (effect,) for effect in effects)
     assert (moved > MOVES_RAD) != (told or not effects)
     plans = [planned((effect,)) for effect in effects[:12]]
     moved = max((float(np.abs(plan[0] - planned()[0]).max()) for plan in plans), default=0.0)
@@ -106,7 +106,7 @@ def test_a_formula_of_what_a_program_does_not_know_is_left_out_by_name(signal):
     draft = {"joint": 5, "form": f"a*{signal}", "of": [signal], "values": {"a": 3e-4}}
     effect = library()["expression"].from_table(draft)
     robot = replace(ARM, effects=(*ARM.effects, effect))
-    assert CompensationModel.of(robot).left_out == (effect.label,) and not effect.compensable
+    assert CompensationModel.of(robot).left_out == (effect,) and not effect.compensable
     assert effect.label in " ".join(planned((effect,))[1])
 
 

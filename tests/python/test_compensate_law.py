@@ -82,7 +82,8 @@ def test_effects_that_no_program_can_compensate_are_named():
     for where, middle in ((effect, 20), (replace(effect, between=(45.0, 54.0)), 49.5)):
         robot = replace(identified(effects=False), effects=(where,))
         said = f"thermal_drift_growth (taken as at {middle} degC)"
-        assert CompensationModel.of(robot).left_out == (said,)
+        (left,) = CompensationModel.of(robot).left_out
+        assert left is where and left.where_unknown == said
 
 
 def test_a_calibrated_file_without_the_controllers_frames_is_refused_and_a_declared_one_stands_for_them():

@@ -1,4 +1,6 @@
-"""Growth of one link with the temperature: its law beside the growth of the whole arm, and a hidden one."""
+"""Growth of one link with the temperature: its law beside the growth of the whole arm, and a hidden one.
+
+Seeds: the first ones, none was exchanged."""
 
 from dataclasses import replace
 

@@ -50,7 +50,7 @@ def summary_of(corrections: Sequence[Correction], frames: CellFrames, model: Com
             "as_written_max_m": _largest([c.reached for c in corrections]),
             "refused": [str(error) for c in corrections for error in c.refused],
             "effects": [effect.label for effect in model.layout.effects],
-            "not_compensated": list(model.left_out),
+            "not_compensated": [effect.label for effect in model.left_out],
             "warnings": [*([OWN] if _own(_sizes(corrections)) else []),
                          *_warnings(corrections, frames, model, radius)]}
 
@@ -103,7 +103,8 @@ def _warnings(corrections: Sequence[Correction], frames: CellFrames, model: Comp
                      f"corrections are {quantity(sizes.mean, 'm')} on average: the arm may end up no better; "
                      "`diagnose` looks for what is left")
     if model.left_out:
-        found.append(f"in the robot file, but no program can compensate it: {', '.join(model.left_out)}")
+        left = ", ".join(effect.where_unknown for effect in model.left_out)
+        found.append(f"in the robot file, but no program can compensate it: {left}")
     refused = sum(len(correction.refused) for correction in corrections)
     return found + (
         [f"{refused} {'target' if refused == 1 else 'targets'} could not be corrected, left as written: "

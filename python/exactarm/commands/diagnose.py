@@ -143,7 +143,7 @@ def _doubted(result: Diagnosis) -> str | None:
                if finding.effect.compensable]
     if not refuted:
         return None
-    return (f"robot.toml holds {', '.join(dict.fromkeys(refuted))} although something else is likelier: it "
+    return (f"robot.toml holds {', '.join(dict.fromkeys(refuted))} although it is less likely than not: it "
             "tells what was measured here, elsewhere it may be wrong; do not correct programs by it")
 
 

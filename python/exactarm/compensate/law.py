@@ -26,6 +26,7 @@ from exactarm.compensate.controller import ControllerChain
 from exactarm.compensate.flange_poses import Poses, missing, pose_error, pseudo_inverse, unreached
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import POSES
+from exactarm.effects.base import Effect
 from exactarm.effects.payload import Payload
 from exactarm.errors import InputError
 from exactarm.robot.mdh_frames import compose
@@ -66,7 +67,7 @@ class CompensationModel:
     actual: Robot
     controller: ControllerChain
     layout: Layout
-    left_out: tuple[str, ...]
+    left_out: tuple[Effect, ...]
 
     @staticmethod
     def of(
@@ -77,7 +78,7 @@ class CompensationModel:
         chain = ControllerChain.of(robot)
         standing = [effect for effect in robot.effects if not effect.record]
         used = tuple(effect for effect in standing if effect.compensable and effect.at_rest)
-        left_out = tuple(effect.where_unknown for effect in standing if effect not in used)
+        left_out = tuple(effect for effect in standing if effect not in used)
         place, end = compose(base, robot.controller.base), compose(robot.controller.flange, flange)
         actual = replace(robot, base=place, tool=end, effects=used)
         return CompensationModel(actual, chain, Layout.of(used, estimate=False), left_out)

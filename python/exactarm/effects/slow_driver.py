@@ -104,6 +104,7 @@ class Follows(Effect):
         if not self.settles:
             return self.rates()
         usual = self.tried or (self.values[-1],) if self.values else (1.0,)
+        # ends: a step at the start, and a straight line, beyond what can be told of either
         bounds = 0.2 * min(usual), 10.0 * max(usual)
         return (*self.rates(), Parameter(f"settling_{self.unit}", max(usual), *bounds, search=self.tried))
 
@@ -144,7 +145,7 @@ class Follows(Effect):
         (last, last_slope), (here, slope) = course(end - start), course(np.maximum(since, 0.0))
         return tau * (last - here), last_slope - slope
 
-    def of_record_of(self, data) -> Iterator[Effect]:
+    def forms_on(self, data) -> Iterator[Effect]:
         """Its forms on these rows, at zero size: steady, and where the driver has no course of its own,
         settling."""
         t = slow_signal(data, self.driver)

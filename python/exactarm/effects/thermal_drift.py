@@ -44,7 +44,8 @@ class ThermalDrift(Follows):
 
     @property
     def label(self) -> str:
-        return f"{self.name}_{self.form}"
+        common = f"{self.name}_{self.form}"
+        return f"{common}_{self.joint}" if self.per_joint else common
 
     @property
     def of_record(self) -> bool:
@@ -68,7 +69,7 @@ class ThermalDrift(Follows):
         for form in ThermalDrift.__subclasses__():
             if view.kind in form.kinds:
                 for effect in form.of(robot, view):
-                    yield from effect.of_record_of(view.data)
+                    yield from effect.forms_on(view.data)
 
 
 @dataclass(frozen=True)
@@ -122,10 +123,6 @@ class ThermalLinkGrowth(ThermalDrift):
     form = "link"
     may_settle = in_record = True
 
-    @property
-    def label(self) -> str:
-        return f"{super().label}_{self.joint}"
-
     def rates(self) -> tuple[Parameter, ...]:
         return (Parameter(f"growth_1_per_{self.unit}", 1e-5),)
 
@@ -174,10 +171,6 @@ class ThermalZeroDrift(ThermalDrift):
     form = "zero"
     may_settle = in_record = True
 
-    @property
-    def label(self) -> str:
-        return f"{super().label}_{self.joint}"
-
     def rates(self) -> tuple[Parameter, ...]:
         return (Parameter(f"zero_rad_per_{self.unit}", 2e-5),)
 
@@ -219,11 +212,6 @@ class _FrictionFalls:
     station = Station.DRIVE
     kinds = (MOTION.name,)
     dry: ClassVar[bool] = False
-
-    @property
-    def label(self) -> str:
-        common = f"{self.name}_{self.form}"
-        return f"{common}_{self.joint}" if self.per_joint else common
 
     def rates(self) -> tuple[Parameter, ...]:
         return (Parameter(f"fall_1_per_{self.unit}", 0.01),)

@@ -65,7 +65,7 @@ class TrackerDrift(Follows):
     def candidates(cls, robot, view) -> Iterable[Effect]:
         driver = TIME if view.data.time is not None and np.ptp(view.data.time) > 0.0 else ROW
         for turn in (False, True):
-            yield from cls(None, (0.0,) * 6, driver, turn=turn).of_record_of(view.data)
+            yield from cls(None, (0.0,) * 6, driver, turn=turn).forms_on(view.data)
 
 
 def moved_device(measured: np.ndarray, x: np.ndarray,

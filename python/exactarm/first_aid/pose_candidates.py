@@ -185,12 +185,12 @@ def _of_rows(data: Dataset, whole: Dataset, rows: np.ndarray) -> Iterator[tuple[
         order = np.clip(rows + shift, 0, len(whole) - 1)
         return np.where(whole.session[order] == whole.session[rows], order, rows)
 
+    late = ((1, "positions one row later than the angles"),
+            (-1, "positions one row earlier than the angles"),
+            (2, "positions two rows later than the angles"),
+            (-2, "positions two rows earlier than the angles"))
     # of a series it is a delay, which the library knows and the file's model may have
-    for shift, words in () if TRACKED_MOTION.name in whole.kinds else (
-                         (1, "positions one row later than the angles"),
-                         (-1, "positions one row earlier than the angles"),
-                         (2, "positions two rows later than the angles"),
-                         (-2, "positions two rows earlier than the angles")):
+    for shift, words in () if TRACKED_MOTION.name in whole.kinds else late:
         order = rows_beside(shift)
         rotation = None if whole.rotation is None else whole.rotation[order]
         yield words, replace(data, position=whole.position[order], rotation=rotation)
