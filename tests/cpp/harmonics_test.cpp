@@ -73,6 +73,23 @@ TEST(Harmonics, TransmissionIsThatOfTheGear) {
   }
 }
 
+// Turned on from the wave before, with an exact one now and then.
+TEST(Harmonics, MultiplesOfOneWaveAreThoseOfTheGear) {
+  Random random(5);
+  for (double first : {1.0, 0.7, 3.25}) {
+    const Vector order = first * Vector::LinSpaced(120, 1.0, 120.0);
+    const GearTable table(order, random.vector(120, 1e-3), random.vector(120, 1e-3));
+    ASSERT_TRUE(table.multiples());
+    const Vector x = random.vector(203, 5.0);
+    Vector error(x.size()), slope(x.size());
+    transmission(table, x.data(), x.size(), 1, error.data(), slope.data());
+    for (long i = 0; i < x.size(); ++i) {
+      EXPECT_NEAR(x[i] + error[i], gear_motor_angle(1.0, table, x[i]), 1e-14);
+      EXPECT_NEAR(1.0 + slope[i], gear_ratio(1.0, table, x[i], 0), 1e-14);
+    }
+  }
+}
+
 TEST(Harmonics, WavesAreSineAndCosine) {
   Random random(3);
   for (int orders : {1, 3, 8, 21}) {

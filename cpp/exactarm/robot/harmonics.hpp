@@ -29,10 +29,16 @@ struct HarmonicSums {
 // sin(w_j x) and cos(w_j x) are left in sine and cosine (one entry an order).
 EXACTARM_INLINE HarmonicSums harmonic_sums(const GearTable& table, const Lanes& x, Lanes* sine,
                                            Lanes* cosine) {
+  constexpr long kTurns = 16;  // of the first wave from one exact sine to the next: 16 roundings at most
   HarmonicSums sums{Lanes(0.0), Lanes(0.0), Lanes(0.0)};
   for (long j = 0; j < table.size(); ++j) {
     const double w = table.order()[j], a = table.a()[j], b = table.b()[j];
-    sincos(x * Lanes(w), sine[j], cosine[j]);
+    if (table.multiples() && j % kTurns) {
+      sine[j] = sine[j - 1] * cosine[0] + cosine[j - 1] * sine[0];
+      cosine[j] = cosine[j - 1] * cosine[0] - sine[j - 1] * sine[0];
+    } else {
+      sincos(x * Lanes(w), sine[j], cosine[j]);
+    }
     const Lanes rising = sine[j] * Lanes(a) + cosine[j] * Lanes(b);
     sums.error += (rising - Lanes(b)) * Lanes(1.0 / w);
     sums.slope += cosine[j] * Lanes(a) - sine[j] * Lanes(b);

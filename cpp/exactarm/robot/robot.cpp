@@ -79,6 +79,7 @@ GearTable::GearTable(Vector order, Vector a, Vector b)
     : order_(std::move(order)), a_(std::move(a)), b_(std::move(b)) {
   require_size("coefficients a of a gear table", a_.size(), order_.size());
   require_size("coefficients b of a gear table", b_.size(), order_.size());
+  for (long j = 1; j < size(); ++j) multiples_ &= order_[j] == static_cast<double>(j + 1) * order_[0];
 }
 
 Robot::Robot(RobotDescription description) : description_(std::move(description)) {

@@ -48,9 +48,12 @@ class GearTable {
   const Vector& order() const { return order_; }
   const Vector& a() const { return a_; }
   const Vector& b() const { return b_; }
+  // Whether the j-th order (from 1) is j times the first.
+  bool multiples() const { return multiples_; }
 
  private:
   Vector order_, a_, b_;
+  bool multiples_ = true;
 };
 
 struct Gear {

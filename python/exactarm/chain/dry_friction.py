@@ -55,6 +55,11 @@ class DryFriction:
         """What tells it from another."""
         return tuple(self.width), tuple(self.reach), None if self.start is None else self.start.tobytes()
 
+    def law(self, index: int) -> tuple:
+        """What tells one axis (from 0) from another."""
+        begun = None if self.start is None else self.start[:, index].tobytes()
+        return float(self.width[index]), float(self.reach[index]), begun
+
     def begin(self, run: int, index: int) -> float:
         return 0.0 if self.start is None else float(self.start[run, index])
 

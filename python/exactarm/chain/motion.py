@@ -59,8 +59,9 @@ class MotionView(View):
             return None
         moved = self.theta[:, index] - record.theta[:, index]
         if not moved.any():
-            sign, mean = record.dry_sign(index)
-            return mean if law is None else samples.gathered(law(sign, samples.rate[:, index]))
+            if law is None:
+                return record.mean_dry_sign(index)
+            return samples.gathered(law(record.dry_sign(index), samples.rate[:, index]))
         faster = self.signals["theta_dot"][:, index] - record.theta_dot[:, index]
         ratio = self.robot.controller_ratios[index]
         angle, rate = (own[:, index] + samples.spread(change, record.runs) / ratio

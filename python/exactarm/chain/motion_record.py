@@ -85,16 +85,22 @@ class MotionRecord:
         return kept if self.creeping is None else kept & ~self.creeping
 
     @cached_property
-    def _dry_signs(self) -> dict[int, tuple[np.ndarray, np.ndarray]]:
+    def _dry_signs(self) -> dict[int, np.ndarray]:
         return {}
 
-    def dry_sign(self, index: int) -> tuple[np.ndarray, np.ndarray]:
-        """Sign of the dry friction of an axis (from 0) as its motor was logged: (S,) and gathered (N,)."""
+    def dry_sign(self, index: int) -> np.ndarray:
+        """(S,) sign of the dry friction of an axis (from 0) as its motor was logged."""
         if index not in self._dry_signs:
             log = self.samples
-            sign = self.dry.sign(index, log.rate[:, index], log.angle[:, index], log.runs)
-            self._dry_signs[index] = sign, log.gathered(sign)
+            self._dry_signs[index] = self.dry.sign(index, log.rate[:, index], log.angle[:, index], log.runs)
         return self._dry_signs[index]
+
+    def mean_dry_sign(self, index: int) -> np.ndarray:
+        """(N,) the same, gathered; kept beside the log, for the same laws are asked for again and again."""
+        known, law = self.samples.known, ("dry sign", index, *self.dry.law(index))
+        if law not in known:
+            known[law] = self.samples.gathered(self.dry_sign(index))
+        return known[law]
 
     @property
     def measured_axes(self) -> np.ndarray:

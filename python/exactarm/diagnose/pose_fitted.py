@@ -59,7 +59,9 @@ class _Passage:
     def products(self, parts: list[np.ndarray]) -> list[Products]:
         """Of changes (N, c, k)."""
         changes = np.concatenate(parts, axis=2)
-        flat, moved = (each.reshape(len(self.onto), -1) for each in (changes, self.gram @ changes))
+        gram = self.gram
+        moved = gram * changes if gram.shape[1] == 1 else gram @ changes
+        flat, moved = (each.reshape(len(self.onto), -1) for each in (changes, moved))
         absorbed, onto = self.absorbed.T @ flat, self.onto @ flat
         ends = np.cumsum([part.shape[2] for part in parts])
         where = [slice(end - part.shape[2], end) for part, end in zip(parts, ends)]

@@ -12,7 +12,7 @@ instead: gain = r'C~ (C~'C~ + P^-2)^{-1} C~'r, and 1/2 log det(I + P C~'C~ P) in
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from dataclasses import dataclass
 from itertools import product
 
@@ -21,7 +21,8 @@ import numpy as np
 from exactarm.diagnose.decisions import ABSORBED, INVISIBLE
 from exactarm.diagnose.fitted import Fitted
 from exactarm.effects.base import Effect
-from exactarm.numerics.factors import lstsq
+
+_LEAST_TOLD = 1e-8
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class Candidate:
 
 def log_evidence(square: float, gain: float, count: float, free: int, tried: float) -> float:
     """Log Bayes factor of a candidate against the model without it."""
-    left = max(square - gain, 1e-12 * square)
+    left = np.maximum(square - gain, 1e-12 * square)
     return 0.5 * count * np.log(square / left) - 0.5 * free * np.log(count) - np.log(tried)
 
 
@@ -102,30 +103,39 @@ def _excluding(fitted: Fitted, point: Effect, kept: np.ndarray, count: float, fa
 
 
 def _score(linear, products, square, count, tried, families, best) -> None:
-    for (point, mask), each in zip(linear, products):
-        k, normal, onto = int(mask.sum()), each.normal, each.onto
-        plausible, prior, lower, upper = np.array(
-            [(p.plausible, p.prior, p.lower, p.upper) for p, keep in zip(point.parameters(), mask) if keep]
-        ).reshape(k, 4).T
-        usable = (np.diag(normal) > ABSORBED * each.square) & (np.sqrt(each.square) * plausible > INVISIBLE)
-        start, price, free = np.array(point.values, float), 0.0, int(usable.sum())
-        if np.isfinite(prior).any():
-            gain, values, price = regularised_gain(normal, onto, prior)
-            free = 0
-        else:
-            gain, values = _gain(normal, onto, usable)
-        if not np.all((lower <= start[mask] + values) & (start[mask] + values <= upper)):
+    """The best point of every label into `best`; points of as many parameters at once."""
+    alike = defaultdict(list)
+    for place, (_, mask) in enumerate(linear):
+        alike[int(mask.sum())].append(place)
+    for k, places in alike.items():
+        points = [linear[place][0] for place in places]
+        declared = [(p.plausible, p.prior, p.lower, p.upper) for place in places
+                    for p, keep in zip(linear[place][0].parameters(), linear[place][1]) if keep]
+        declared = np.array(declared, float).reshape(len(places), k, 4)
+        plausible, prior, lower, upper = declared.transpose(2, 0, 1)
+        start = np.array([np.array(point.values)[linear[place][1]] for point, place in zip(points, places)])
+        normal, onto = (np.stack([getattr(products[place], name) for place in places])
+                        for name in ("normal", "onto"))
+        length = np.stack([products[place].square for place in places])
+        left = np.diagonal(normal, axis1=1, axis2=2) > ABSORBED * length
+        usable = left & (np.sqrt(length) * plausible > INVISIBLE)
+        gain, values, price, free = *_gains(normal, onto, usable), np.zeros(len(places)), usable.sum(axis=1)
+        for i in np.flatnonzero(np.isfinite(prior).any(axis=1)):
+            gain[i], values[i], price[i] = regularised_gain(normal[i], onto[i], prior[i])
+            free[i] = 0
+        for i in np.flatnonzero(~np.all((lower <= start + values) & (start + values <= upper), axis=1)):
             # the best point inside the bounds: what leaves them is clipped, the gain is taken there
-            values = np.clip(start[mask] + values, lower, upper) - start[mask]
-            gain = float(2.0 * values @ onto - values @ normal @ values - np.sum((values / prior) ** 2))
-            gain = max(gain, 0.0)
-        evidence = log_evidence(square, gain, count, free, tried[point.label] * families) - price
-        evidence += point.log_odds
-        known = best.get(point.label)
-        if known is None or evidence > known.evidence:
-            start[mask] += values
-            best[point.label] = Candidate(point.with_values(start), gain, int(usable.sum()),
-                                          tried[point.label], evidence)
+            values[i] = v = np.clip(start[i] + values[i], lower[i], upper[i]) - start[i]
+            gain[i] = max(float(2.0 * v @ onto[i] - v @ normal[i] @ v - np.sum((v / prior[i]) ** 2)), 0.0)
+        points_tried = np.array([tried[point.label] for point in points])
+        evidence = log_evidence(square, gain, count, free, points_tried * families) - price
+        for i, (point, place) in enumerate(zip(points, places)):
+            each, known = evidence[i] + point.log_odds, best.get(point.label)
+            if known is None or each > known.evidence:
+                found = np.array(point.values, float)
+                found[linear[place][1]] += values[i]
+                best[point.label] = Candidate(point.with_values(found), float(gain[i]), int(usable[i].sum()),
+                                              tried[point.label], float(each))
 
 
 def prior_of(effect: Effect) -> np.ndarray:
@@ -142,15 +152,16 @@ def regularised_gain(normal: np.ndarray, onto: np.ndarray,
     return float(values @ onto), values, 0.5 * float(np.linalg.slogdet(system)[1])
 
 
-def _gain(normal: np.ndarray, onto: np.ndarray, usable: np.ndarray) -> tuple[float, np.ndarray]:
-    """Fall of the square sum and the coefficients, on the usable columns."""
-    values = np.zeros(len(onto))
-    if not usable.any():
-        return 0.0, values
-    scale = np.sqrt(np.diag(normal)[usable])
-    scaled = normal[np.ix_(usable, usable)] / np.outer(scale, scale)
-    values[usable] = lstsq(scaled, onto[usable] / scale, rcond=1e-8)[0] / scale
-    return float(values @ onto), values
+def _gains(normal: np.ndarray, onto: np.ndarray, usable: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Fall of the square sum (g,) and coefficients (g, k), on the usable columns (g, k), of normal (g, k, k)
+    and onto (g, k); what tells less than 1e-8 of the most is held at zero."""
+    scale = np.where(usable, np.sqrt(np.where(usable, np.diagonal(normal, axis1=1, axis2=2), 1.0)), np.inf)
+    scaled = normal / scale[:, :, None] / scale[:, None, :]
+    values, vectors = np.linalg.eigh(scaled)
+    told = values > _LEAST_TOLD * values.max(axis=1, initial=0.0, keepdims=True)
+    turned = np.einsum("gij,gi->gj", vectors, onto / scale) * told / np.where(told, values, 1.0)
+    found = np.einsum("gij,gj->gi", vectors, turned) / scale
+    return np.einsum("gi,gi->g", found, onto), found
 
 
 def same_cause(one: Effect, other: Effect) -> bool:

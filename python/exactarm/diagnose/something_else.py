@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from exactarm import _core
 from exactarm.diagnose.bagging import bagged, squares_by_piece
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.problem import Problem
@@ -181,15 +182,15 @@ class _Added:
                 largest: float = 0.0) -> tuple[float, np.ndarray, float]:
         """Log marginal likelihood over the fit without them, summed over the scales of their sizes (k,), the
         likeliest values (k,), and their scale; largest: a size that the scales have to reach."""
-        square, terms, found = float(self.without.free_residual @ self.without.free_residual), [], []
-        scales = scales_up_to(largest)
-        for scale, log_weight in scales:
-            gain, values, price = regularised_gain(self.normal, self.onto, scale * size)
-            left = max(square - gain, 1e-12 * square)
-            terms.append(log_weight - price + 0.5 * count * np.log(square / left))
-            found.append(values)
+        square = float(self.without.free_residual @ self.without.free_residual)
+        scales, log_weights = np.array(scales_up_to(largest)).T
+        gains, prices = _core.gains_by_scale((size[:, None] * self.normal * size)[None],
+                                             (size * self.onto)[None], scales**2)
+        left = np.maximum(square - gains[:, 0], 1e-12 * square)
+        terms = log_weights - prices[:, 0] + 0.5 * count * np.log(square / left)
         best = int(np.argmax(terms))
-        return float(np.logaddexp.reduce(terms)), found[best], scales[best][0]
+        values = regularised_gain(self.normal, self.onto, scales[best] * size)[1]
+        return float(np.logaddexp.reduce(terms)), values, float(scales[best])
 
     def left(self, values: np.ndarray) -> np.ndarray:
         """(R,) residual with them at these values."""

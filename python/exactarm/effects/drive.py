@@ -20,6 +20,7 @@ Law = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 _OUTPUT_SIDE = {"rate": "theta_dot", "angle": "theta"}
 _LEAST_SWING = 1e-3  # of the width
+_FLAT = 19.0  # widths from which tanh is one to the last digit
 
 
 def smooth_sign(rate: np.ndarray, width=SIGN_WIDTH_RAD_S, swing=0.0) -> np.ndarray:
@@ -28,8 +29,13 @@ def smooth_sign(rate: np.ndarray, width=SIGN_WIDTH_RAD_S, swing=0.0) -> np.ndarr
     swing: how far the rate moves in half a sample. Without it a sharp reversal would jump at a sample,
     wherever between two of them it is.
     """
-    high, low, swing = _ends(rate, width, swing)
-    return width / (2.0 * swing) * (_log_cosh(high) - _log_cosh(low))
+    width, swing = _spread(rate, width, swing)
+    found = np.sign(rate)
+    near = np.abs(rate) < swing + _FLAT * width
+    rate, width, swing = rate[near], width[near], swing[near]
+    high, low = _log_cosh((rate + swing) / width), _log_cosh((rate - swing) / width)
+    found[near] = width / (2.0 * swing) * (high - low)
+    return found
 
 
 def smooth_sign_slope(rate: np.ndarray, width=SIGN_WIDTH_RAD_S, swing=0.0) -> np.ndarray:
@@ -40,9 +46,14 @@ def smooth_sign_slope(rate: np.ndarray, width=SIGN_WIDTH_RAD_S, swing=0.0) -> np
 
 def _ends(rate: np.ndarray, width, swing) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Both ends of rate - swing ... rate + swing over the width, and the swing, never nothing."""
-    width = np.broadcast_to(width, rate.shape)
-    swing = np.maximum(np.broadcast_to(swing, rate.shape), _LEAST_SWING * width)
+    width, swing = _spread(rate, width, swing)
     return (rate + swing) / width, (rate - swing) / width, swing
+
+
+def _spread(rate: np.ndarray, width, swing) -> tuple[np.ndarray, np.ndarray]:
+    """Width and swing of every rate, the swing never nothing."""
+    width = np.broadcast_to(width, rate.shape)
+    return width, np.maximum(np.broadcast_to(swing, rate.shape), _LEAST_SWING * width)
 
 
 def over_samples(view, index: int, law: Law | None = None) -> np.ndarray:

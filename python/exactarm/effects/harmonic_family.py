@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -148,12 +149,10 @@ class HarmonicFamily(Effect):
         return words.replace("per_rev", "rad_per_m") if slides(robot, self.joint) else words
 
     def parameters(self) -> tuple[Parameter, ...]:
-        each = [f"{c}_{k + 1}{self.unit}" for k in range(self.multiples) for c in "ab"]
         lowest = _LEAST_ORDER if not self.search else _BELOW_SEARCH * min(self.search)
         order = Parameter("order_per_rev", 1.0, lowest, 2000.0, fixed=self.curve_rad > 0.0,
                           search=self.search)
-        priors = np.repeat(self._priors(), 2)
-        return (order, *(Parameter(name, self.plausible, prior=float(p)) for name, p in zip(each, priors)))
+        return order, *_amplitudes(self.unit, self.plausible, tuple(self._priors().tolist()))
 
     def richer(self) -> Iterable[Effect]:
         """The next multiple of the element: a wheel that is not round has overtones."""
@@ -234,6 +233,13 @@ class HarmonicFamily(Effect):
                   curve_rad=float(table.get("each_order_rad", 0.0)), fall=float(table.get("order_fall", 0.0)))
         found = raw.with_values(table[parameter.name] for parameter in raw.parameters())
         return replace(found, known=KnownCurve.from_table(table))
+
+
+@lru_cache(maxsize=256)  # a search asks for those of thousands of orders
+def _amplitudes(unit: str, plausible: float, priors: tuple[float, ...]) -> tuple[Parameter, ...]:
+    """a_k and b_k of multiples whose amplitudes have these priors."""
+    return tuple(Parameter(f"{c}_{k + 1}{unit}", plausible, prior=prior)
+                 for k, prior in enumerate(priors) for c in "ab")
 
 
 def searched_orders(robot, view, index: int, lowest: float = 3.0) -> tuple[float, ...]:

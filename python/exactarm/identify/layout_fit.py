@@ -55,7 +55,10 @@ class _Point:
         data = self.jacobian[: len(self.weight) * len(self.alike)].reshape(len(self.weight), -1, size)
         found = []
         for number in range(int(self.alike.max()) + 1):
-            mine = (self.weight[:, None, None] * data[:, self.alike == number]).reshape(-1, size)
+            mine = data if not self.alike.any() else data[:, self.alike == number]
+            if np.any(self.weight != 1.0):
+                mine = self.weight[:, None, None] * mine
+            mine = mine.reshape(-1, size)
             found.append(mine.T @ mine)
         return found
 
