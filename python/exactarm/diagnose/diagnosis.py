@@ -65,8 +65,8 @@ LEFT, NEXT, DRAFTING = "what is left", "the next experiment", "drafting what is 
 STEPS = (DECLARED, SEARCHING, ALL_ROWS, LEFT, NEXT, DRAFTING)
 
 _SPREADS = 4.0  # a chance of few parameters: times the expected spread
-_RIVALS_EACH, _RIVALS = 2, 5
-_MANY_PARAMETERS = 200  # above it, only the strongest rival is fitted in the other's place
+_RIVALS_EACH, _RIVALS, _LEAST_RIVAL = 2, 5, 1e-3  # the strongest is fitted, however improbable
+_MANY_PARAMETERS = 200  # above it, it alone
 
 
 @dataclass(frozen=True)
@@ -384,17 +384,17 @@ def _alternatives(problem: Problem, declared: Layout, selection: Selection) -> t
     """The strongest rivals of the findings, each fitted in its place."""
     chosen = [a.effect for a in selection.accepted]
     last = selection.fits[-1]
-    strongest = sorted(
-        ((rival, place) for place, a in enumerate(selection.accepted) for rival in a.rivals[:_RIVALS_EACH]
-         if rival.evidence > 0.0),
-        key=lambda pair: selection.accepted[pair[1]].evidence - pair[0].evidence)
+    rivals = [(rival.evidence - a.evidence, a.probability, place, rival.effect)
+              for place, a in enumerate(selection.accepted) for rival in a.rivals[:_RIVALS_EACH]
+              if rival.evidence > 0.0]
     found = []
-    for rival, place in strongest[: _RIVALS if last.layout.size < _MANY_PARAMETERS else 1]:
-        accepted = selection.accepted[place]
-        fitted = problem.settled(refit(problem, declared,
-                                       chosen[:place] + [rival.effect] + chosen[place + 1 :], last))
+    for nats, sure, place, effect in sorted(rivals, key=lambda rival: -rival[0])[:_RIVALS]:
+        probability = float(np.exp(min(nats, 0.0)) * sure)
+        if found and (probability < _LEAST_RIVAL or last.layout.size > _MANY_PARAMETERS):
+            continue
+        effects = chosen[:place] + [effect] + chosen[place + 1 :]
+        fitted = problem.settled(refit(problem.rough, declared, effects, last))
         left = rms_of(_judged(_errors(problem, fitted)))
-        probability = float(np.exp(min(rival.evidence - accepted.evidence, 0.0)) * accepted.probability)
-        found.append(Alternative(fitted.layout.effects[len(declared.effects) + place], accepted.effect.label,
+        found.append(Alternative(fitted.layout.effects[len(declared.effects) + place], chosen[place].label,
                                  left, probability, probability > DOUBT))
     return tuple(sorted(found, key=lambda a: -a.probability))

@@ -76,6 +76,11 @@ class Problem(ABC):
         """The same problem, whose next fits and folds begin with what `fitted` knows of the noise."""
         return self
 
+    @property
+    def rough(self) -> Problem:
+        """The same problem, whose fits end where no printed digit of an error changes any more."""
+        return self
+
     @abstractmethod
     def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
         """(K,) the errors of any rows whose RMS is reported for this kind of data."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from copy import copy
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -20,6 +22,7 @@ from exactarm.robot.robot import Robot
 
 _SEARCH_POSES = 600  # enough to find every large cause in good time; the smallest may need more poses
 _LEAST_REPEATS = 10
+_ROUGH = 1e-3  # relative fall of the square sum: a two-thousandth of an RMS error
 
 
 class ProblemAtRest(Problem):
@@ -32,6 +35,12 @@ class ProblemAtRest(Problem):
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
         super().__init__(robot, data, held_out, threads, seed)
         require_geometry(robot)
+
+    @property
+    def rough(self) -> Self:
+        other = copy(self)
+        other.tolerance = _ROUGH
+        return other
 
     def search_rows(self) -> np.ndarray | None:
         if self.measured_poses <= _SEARCH_POSES:
