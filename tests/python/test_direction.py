@@ -13,6 +13,7 @@ from exactarm.chain.direction import (
     _passed,
     direction_of_motion,
     eased,
+    rests,
     reversals,
 )
 from exactarm.chain.gear import declared_output_angle
@@ -54,6 +55,22 @@ def test_a_rest_between_two_directions_is_halved():
     for moved in (angle, angle + jitter):
         (instant, after), = reversals(TIME, moved)[1]
         assert instant == pytest.approx(0.8, abs=2e-3) and after == -1.0
+
+
+def minimum_jerk(share):
+    share = np.clip(share, 0.0, 1.0)
+    return share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+
+
+@pytest.mark.parametrize("rate, step", [(125, 0.0), (125, LEAST_TURN_RAD), (500, 1e-5)])
+def test_how_long_an_axis_rests_before_it_turns_back(rate, step):
+    """Two strokes with a rest of 0.2 s between them, of rounded angles too, and an axis that turns at once."""
+    time = np.arange(0.0, 2.0, 1.0 / rate)
+    angle = 0.5 * minimum_jerk(time / 0.8) - 0.5 * minimum_jerk((time - 1.0) / 0.8)
+    (instant, rest, after), = rests(time, np.round(angle / step) * step if step else angle)[1]
+    assert instant == pytest.approx(0.9, abs=1e-3) and rest == pytest.approx(0.2, abs=0.03) and after == -1.0
+    (_, rest, _), = rests(time, -((time - 0.8) ** 2))[1]
+    assert rest < 1e-3
 
 
 def test_jitter_is_no_motion_and_an_axis_at_rest_has_no_direction():

@@ -28,28 +28,34 @@ _STEP = BSpline.construct_fast(_KERNEL.t, _KERNEL.c, _KERNEL.k).antiderivative()
 
 
 def direction_of_motion(time: np.ndarray, angle: np.ndarray, passage_s: float | None = None,
-                        late_s: float = 0.0) -> np.ndarray:
+                        late_s: float = 0.0, rested: float = 0.5) -> np.ndarray:
     """(N, n) in [-1, 1] for angles (N, n) rad at `time` (N,) s, rising; the sign is that of the angle's
     motion.
 
-    passage_s: how long each passage takes, where it is not TRANSITION_S; late_s: how far behind the reversal
-    its middle lies.
+    passage_s: how long each passage takes, where it is not TRANSITION_S; late_s: how far its middle lies
+    behind the instant at which this share of the rest at the reversal is over.
     """
     passage_s = TRANSITION_S if passage_s is None else passage_s
     direction = np.zeros(angle.shape)
     for i, column in enumerate(angle.T):
-        first, turns = reversals(time, column)
+        first, turns = rests(time, column)
         direction[:, i] = first
-        for turn, after in turns:
-            share = (time - turn - late_s) / passage_s
-            begin, end = np.searchsorted(share, (-0.5, 0.5))  # of the passage: few of the samples
-            direction[begin:end, i] += 2.0 * after * _passed(share[begin:end])
-            direction[end:, i] += 2.0 * after
+        for turn, rest, after in turns:
+            share = (time - turn - (rested - 0.5) * rest - late_s) / passage_s
+            passing, passed = np.searchsorted(share, (-0.5, 0.5))  # few of the samples
+            direction[passing:passed, i] += 2.0 * after * _passed(share[passing:passed])
+            direction[passed:, i] += 2.0 * after
     return np.clip(direction, -1.0, 1.0)
 
 
 def reversals(time: np.ndarray, angle: np.ndarray) -> tuple[float, list[tuple[float, float]]]:
     """First direction of angle (N,), 0: none, and (instant, direction behind it) of every reversal."""
+    first, found = rests(time, angle)
+    return first, [(instant, after) for instant, _, after in found]
+
+
+def rests(time: np.ndarray, angle: np.ndarray) -> tuple[float, list[tuple[float, float, float]]]:
+    """The same with how long the axis rests about the instant (s), 0 where it turns back at once."""
     moves = np.sign(np.diff(angle))
     moving = np.flatnonzero(moves)
     if not moving.size:
@@ -71,7 +77,7 @@ def reversals(time: np.ndarray, angle: np.ndarray) -> tuple[float, list[tuple[fl
             first = after
         side, low, high = after, k, k
     marks = [0, *(k for k, _ in turns), len(angle) - 1]
-    return first, [(_instant(time, angle, *marks[j : j + 3], after), after)
+    return first, [(*_rest(time, angle, *marks[j : j + 3], after), after)
                    for j, (_, after) in enumerate(turns)]
 
 
@@ -90,21 +96,30 @@ def _passed(s: np.ndarray) -> np.ndarray:
     return (inside - _STEP(-0.5)) / (_STEP(0.5) - _STEP(-0.5))
 
 
-def _instant(time: np.ndarray, angle: np.ndarray, start: int, k: int, end: int, after: float) -> float:
+def _rest(time: np.ndarray, angle: np.ndarray, start: int, k: int, end: int,
+          after: float) -> tuple[float, float]:
     """Middle of the stay near the extreme at sample k, between the neighbouring turning points `start` and
-    `end`.
+    `end`, and how long of it the axis rests.
 
     Coarse samples widen the stay to two of them. About a turning point the root of the distance is nearly
-    straight in time.
+    straight in time; so what twice the stay at one root is longer than the stay at twice this root is rest.
     """
     root = np.sqrt(np.maximum(after * (angle[start : end + 1] - angle[k]), 0.0))
     here = k - start
     wanted = max(0.5 * LEAST_TURN_RAD, 2.0 * np.max(root[max(here - 1, 0) : here + 2] ** 2))
-    level = min(np.sqrt(wanted), np.max(root[: here + 1]), np.max(root[here:]))
-    before = np.flatnonzero(root[: here + 1] >= level)[-1]
-    behind = here + np.flatnonzero(root[here:] >= level)[0]
-    crossings = []
-    for outside, inside in ((before, before + 1), (behind, behind - 1)):
-        share = (level - root[inside]) / (root[outside] - root[inside])
-        crossings.append(time[start + inside] + share * (time[start + outside] - time[start + inside]))
-    return float(np.mean(crossings))
+    most = min(np.max(root[: here + 1]), np.max(root[here:]))
+    level = min(np.sqrt(wanted), most)
+
+    def crossings(level: float) -> list[float]:
+        before = np.flatnonzero(root[: here + 1] >= level)[-1]
+        behind = here + np.flatnonzero(root[here:] >= level)[0]
+        found = []
+        for outside, inside in ((before, before + 1), (behind, behind - 1)):
+            share = (level - root[inside]) / (root[outside] - root[inside])
+            found.append(time[start + inside] + share * (time[start + outside] - time[start + inside]))
+        return found
+
+    stay = crossings(level)
+    wider = crossings(2.0 * level) if 2.0 * level <= most else None
+    rest = 0.0 if wider is None else max(2.0 * (stay[1] - stay[0]) - (wider[1] - wider[0]), 0.0)
+    return float(np.mean(stay)), float(rest)

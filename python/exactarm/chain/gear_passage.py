@@ -3,7 +3,8 @@
 No model defines the passage, neither its course s(t) from 1 to 0 nor how long it lasts. In it the output
 angle is off by s D, D = the other direction's angle less the own one's at the same motor angle. The residual
 r of rows that lie equally long behind (or before) a reversal, pooled over all reversals of an axis, is
-regressed on what a passage would leave there:
+regressed on what a passage would leave there (rows at rest lie at the reversal: wind-up lasts until the axis
+moves on):
 
     link encoder:  r = s D + noise,    gyroscope:  r = s dD/dt + (ds/dt) D + noise
 
@@ -15,7 +16,7 @@ Rows nearer than that are left out, and as many where a run begins in motion, wh
 import numpy as np
 from scipy import special
 
-from exactarm.chain.direction import reversals
+from exactarm.chain.direction import rests
 from exactarm.numerics.factors import lstsq
 
 MOST_S = 0.4  # wind-up of 1e-3 rad is passed in so long at an acceleration of 0.01 rad/s^2
@@ -35,10 +36,11 @@ def in_passage(error: np.ndarray, beside: np.ndarray, columns: np.ndarray, rate:
     behind, before, unseen = np.full((3, time.size), np.inf)
     for rows in runs:
         clock = time[rows]
-        for turn, _ in reversals(clock, angle[rows])[1]:
+        for turn, rest, _ in rests(clock, angle[rows])[1]:
             lag = clock - turn
-            behind[rows] = np.where(lag >= 0.0, np.minimum(behind[rows], lag), behind[rows])
-            before[rows] = np.where(lag < 0.0, np.minimum(before[rows], -lag), before[rows])
+            away = np.maximum(np.abs(lag) - 0.5 * rest, 0.0)
+            behind[rows] = np.where(lag >= 0.0, np.minimum(behind[rows], away), behind[rows])
+            before[rows] = np.where(lag < 0.0, np.minimum(before[rows], away), before[rows])
         if abs(rate[rows[0]]) > _IN_MOTION * np.max(np.abs(rate[rows])):
             unseen[rows] = clock - clock[0]
     far = usable & np.isfinite(np.minimum(behind, before)) & (np.minimum(behind, before) > MOST_S)
@@ -56,7 +58,7 @@ def in_passage(error: np.ndarray, beside: np.ndarray, columns: np.ndarray, rate:
     limit = max(1.0, float(np.mean(plain)) / freedom) * float(special.chdtri(freedom, FALSE))
     lasts = []
     for lag in (behind, before):
-        end = 0.0
+        end = -1.0
         for band in _bands(lag, usable & (lag < MOST_S)):
             if _told(residual[band], columns[band]) < limit:
                 break

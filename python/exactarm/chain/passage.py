@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -37,6 +38,9 @@ from exactarm.robot.robot import Robot
 # in the 50 ms behind reversals, nothing before them; motion 93074: 9.7 times). These four leave at most 0.06
 # of the noise (root mean square) of passages of 10 to 70 ms at either place (test_passage.py).
 ABOUT_S, BEHIND_S = ((0.02, 0.0), (0.1, 0.0)), ((0.05, 0.025), (0.1, 0.05))
+# An axis that rests before it turns back holds its wind-up until it moves on: whatever is possible about and
+# behind the middle of the rest is so about and behind its end.
+RESTED = (0.5, 1.0)
 LEAST_LEFT = 0.5  # of the rows; where fewer remained, those behind reversals stay: few rows are worse
 SHARE = 0.3  # of the noise that an error may have unseen: a tenth of its variance
 _LEAST_TORQUE_SHARE = 1e-3  # of an axis' torque, where a log is free of noise: no model of friction is better
@@ -112,10 +116,11 @@ def _without_unclear(robot: Robot, record: MotionRecord, predict: Callable[[Moti
 
     def by(passages) -> np.ndarray:
         unclear = np.zeros(len(record.data), bool)
-        for duration, late in passages:
+        for (duration, late), rested in product(passages, RESTED):
             direction = np.empty_like(record.direction)
             for rows in record.runs:
-                direction[rows] = direction_of_motion(record.data.time[rows], angle[rows], duration, late)
+                direction[rows] = direction_of_motion(record.data.time[rows], angle[rows], duration, late,
+                                                      rested)
             other = predict(replace(record, direction=direction))
             unclear |= np.any(np.abs(other - assumed) > SHARE * noise, axis=1)
         return unclear
