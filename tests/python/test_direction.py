@@ -64,7 +64,7 @@ def minimum_jerk(share):
 
 @pytest.mark.parametrize("rate, step", [(125, 0.0), (125, LEAST_TURN_RAD), (500, 1e-5)])
 def test_how_long_an_axis_rests_before_it_turns_back(rate, step):
-    """Two strokes with a rest of 0.2 s between them, of rounded angles too, and an axis that turns at once."""
+    """Two strokes with a rest of 0.2 s between them, rounded angles too, and an axis that turns at once."""
     time = np.arange(0.0, 2.0, 1.0 / rate)
     angle = 0.5 * minimum_jerk(time / 0.8) - 0.5 * minimum_jerk((time - 1.0) / 0.8)
     (instant, rest, after), = rests(time, np.round(angle / step) * step if step else angle)[1]
