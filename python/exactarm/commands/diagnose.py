@@ -168,6 +168,7 @@ def _json(result: Diagnosis) -> dict[str, Any]:
         "before": sets(result.before, result.errors_before, result.selection.fits[0]),
         "after": after,
         "effects": effects,
+        "dropped": [each.to_json() for each in result.dropped],
         "alternatives": [{"effect": a.effect.name, "joint": a.effect.joint, "instead_of": a.instead_of,
                           "validation_rms_after": a.rms_after, "probability": a.probability,
                           "cannot_be_told_apart": a.collides}

@@ -72,7 +72,7 @@ def verdict_of(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contr
     """The verdict in a technician's words."""
     judged = "validation" if result.after["validation"].n else "identification"
     rows = kind_of(result.kind).rows
-    named, refuted = stood_and_refuted(result.findings)
+    named, refuted = stood_and_refuted((*result.findings, *result.dropped))
     if not named:
         return result.sentence
     before, after = result.before[judged].rms, result.after[judged].rms
@@ -162,6 +162,9 @@ def _next(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contributi
                         f"{in_words(corrected)}." if robot.has_geometry else
                         f"; it holds {in_words(corrected)}. To correct programs with them it needs the arm's "
                         "geometry too."))
+    elif result.dropped:
+        lines.append("Keep your robot file: `robot.toml` of this folder is the same with its own parameters "
+                     "estimated again, and holds nothing that is less likely than not.")
     elif result.verdict == NOTHING and robot.has_geometry:
         lines.append("Nothing need be added. `robot.toml` of this folder is your robot file with its own "
                      "parameters estimated again from these data.")

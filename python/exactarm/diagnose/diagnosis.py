@@ -19,25 +19,19 @@ from exactarm.diagnose.decisions import DOUBT
 from exactarm.diagnose.dossier import Dossier, dossier
 from exactarm.diagnose.draft import Draft, drafts_of
 from exactarm.diagnose.fitted import Fitted
-from exactarm.diagnose.held_out_evidence import (
-    AGAINST,
-    allowed,
-    carried_over,
-    held_out_gains,
-    with_held_out,
-)
+from exactarm.diagnose.held_out_evidence import AGAINST
 from exactarm.diagnose.in_space import InSpace
 from exactarm.diagnose.joint_fit import refit
 from exactarm.diagnose.left_over import LeftOver, left_over
 from exactarm.diagnose.noise import NoiseFloor, noise_floor
 from exactarm.diagnose.not_noise import not_noise
-from exactarm.diagnose.own_share import Own, own_shares
 from exactarm.diagnose.posterior import Causes, find_causes, selection_of, steps_win
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.selected import Accepted, Selection
 from exactarm.diagnose.selection import Progress, select, select_anew
 from exactarm.diagnose.signal import Structure
+from exactarm.diagnose.standing import Dropped, Judged, errors_of
 from exactarm.diagnose.verdict import (
     UNEXPLAINED,
     held_out_excess,
@@ -107,7 +101,7 @@ class Alternative:
 @dataclass(frozen=True)
 class Diagnosis:
     """Everything that a report says; errors (N,) are per judged number of the rows of `data`; held_out_gain
-    in nats, of all effects together (held_out_evidence.py)."""
+    in nats, of all effects together (held_out_evidence.py), where none is left of those that were tried."""
 
     robot: Robot
     kind: str
@@ -136,6 +130,7 @@ class Diagnosis:
     causes: Causes | None = None
     unconverged: tuple[str, ...] = ()
     held_out_gain: float = 0.0
+    dropped: tuple[Dropped, ...] = ()
     drafts: tuple[Draft, ...] = ()
     unknown: tuple[Structure, ...] = ()  # what is known of causes that the library lacks
     excluded_error: float | None = None  # m, median of the rows that are left out
@@ -168,20 +163,23 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     declared = Layout(declared.effects, selection.fits[0].layout.free)
     selection = replace(selection, fits=tuple(problem.settled(f) for f in selection.fits))
     progress(LEFT)
-    errors, own, gains, sure = _held_out(problem, declared, selection, causes)
-    withdrawn = ()
-    if (calmed := without_refuted(causes, sure)) is not None:
+    asked = judged = Judged.of(problem, declared, selection, causes)
+    withdrawn, dropped = (), ()
+    if (calmed := without_refuted(causes, judged.sure)) is not None:
         withdrawn = tuple(dict.fromkeys(accepted.effect.title for accepted in selection.accepted))
-        selection, causes = Selection(selection.fits[:1], ()), calmed
-        errors, own, gains, sure = _held_out(problem, declared, selection, causes)
+        causes = calmed
+        judged = Judged.of(problem, declared, Selection(selection.fits[:1], ()), causes)
+    elif causes is None:
+        judged, dropped = judged.only_standing(problem, declared)
+    selection, errors, own = judged.selection, judged.errors, judged.own
     first, last = selection.fits[0], selection.fits[-1]
     noise = noise_floor(problem, last)
     left = dossier(problem, last)
     had = left if first is last else dossier(problem, first)
-    before = {name: summarise(values[np.isfinite(values)]) for name, values in errors[0].items()}
-    after = {name: summarise(values[np.isfinite(values)]) for name, values in errors[-1].items()}
+    before, after, tried = ({name: summarise(values[np.isfinite(values)]) for name, values in each.items()}
+                            for each in (errors[0], errors[-1], asked.errors[-1]))
     findings = tuple(_finding(accepted, last, declared, place, errors, problem,
-                              own[place].share if own else None, sure[place])
+                              own[place].share if own else None, judged.sure[place])
                      for place, accepted in enumerate(selection.accepted))
     alternatives = _alternatives(problem, declared, selection)
     progress(NEXT)
@@ -194,19 +192,20 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     else:
         verdict = verdict_of_causes(causes, after, noise, excess)
     waves = problem.waves(last, noise.value if noise.measured else None)
-    unknown = _unknown_beside(causes, findings)
+    unknown = _unknown_beside(causes, dropped)
     unconverged = _unconverged(selection)
     stood, refuted = stood_and_refuted(findings)
-    refuted = refuted and not (causes and stood)  # what stands explains it all the same
-    worse = sum(gains) < 0.0 and rises(before, after)
+    refuted = dropped or (refuted and not (causes and stood))  # what stands explains it all the same
+    # where nothing stands, the sentence is about what was tried
+    gain, told = sum((judged if findings else asked).gains), after if findings else tried
+    worse = gain < 0.0 and rises(before, told)
     undecided = selection.undecided
-    if unconverged or refuted or worse or waves or undecided or sum(gains) < AGAINST:
+    if unconverged or refuted or worse or waves or undecided or gain < AGAINST:
         verdict = UNEXPLAINED
     drafts = ()
     if verdict == UNEXPLAINED and (problem.drafts or problem.unknown_rivals) and not unconverged:
         progress(DRAFTING)
-        drafts, others, drafted = drafts_of(problem, declared,
-                                            _without_outdone(problem, declared, last, findings))
+        drafts, others, drafted = drafts_of(problem, declared, last)
         if causes is None and (drafts or others):
             unknown = tuple(Structure(draft.effect.title) for draft in drafts) + others
             waves = problem.waves(drafted, noise.value if noise.measured else None)
@@ -217,10 +216,11 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
         kind=problem.kind, unit=problem.unit, noise=noise, before=before, after=after, findings=findings,
         alternatives=alternatives, verdict=verdict,
         sentence=no_verdict(unconverged) if unconverged else sentence_of(
-            verdict, findings, alternatives, before, after, left, excess, unknown, sum(gains), undecided,
-            withdrawn),
+            verdict, (*findings, *dropped[::-1]), alternatives, before, told, left, excess, unknown, gain,
+            undecided, withdrawn),
+        dropped=dropped,
         causes=causes, unconverged=unconverged, drafts=drafts, unknown=unknown, excess=excess,
-        held_out_gain=sum(gains), next_experiment=words, experiments=experiments, dossier_before=had,
+        held_out_gain=gain, next_experiment=words, experiments=experiments, dossier_before=had,
         dossier_after=left, errors_before=errors[0], errors_after=errors[-1], selection=selection,
         problem=problem, excluded=int(wrong.sum()),
         excluded_error=_median_error(last.residual[wrong]),
@@ -231,28 +231,11 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
         left_over=left_over(problem, last, left) if verdict == UNEXPLAINED else None)
 
 
-def _held_out(problem: Problem, declared: Layout, selection: Selection, causes: Causes | None):
-    """Errors of every fit by set of rows, own shares, gains of the rounds, and probabilities by all rows."""
-    last, errors = selection.fits[-1], [_errors(problem, fitted) for fitted in selection.fits]
-    own = own_shares(problem, last, len(declared.effects))
-    gains = held_out_gains(errors, problem.numbers_of_error, problem.correlation_factor(last))
-    sure = [with_held_out(accepted.probability, causes.places[k].nothing, own[k].gain) if causes
-            else _by_held_out(accepted, gains[accepted.round], own[k] if own else None)
-            for k, accepted in enumerate(selection.accepted)]
-    return errors, own, gains, sure
-
-
-def _without_outdone(problem: Problem, declared: Layout, last: Fitted, findings) -> Fitted:
-    """The last fit without the effects that something else outdoes: they would hide it."""
-    kept = [finding.effect for finding in findings if finding.likelier is None]
-    return last if len(kept) == len(findings) else refit(problem, declared, kept, last)
-
-
-def _unknown_beside(causes: Causes | None, findings: tuple[Finding, ...]) -> tuple[Structure, ...]:
+def _unknown_beside(causes: Causes | None, dropped: tuple[Dropped, ...]) -> tuple[Structure, ...]:
     """What is known of causes that the library lacks."""
     if causes is not None:
         return causes.unknown + not_noise(causes.noise)
-    return tuple(dict.fromkeys(finding.likelier for finding in findings if finding.likelier))
+    return tuple(dict.fromkeys(each.likelier for each in dropped if each.likelier))
 
 
 def _unconverged(selection: Selection) -> tuple[str, ...]:
@@ -260,14 +243,6 @@ def _unconverged(selection: Selection) -> tuple[str, ...]:
     fits = {"of the declared model": selection.fits[0], "with the effects found": selection.fits[-1]}
     return tuple(f"the fit {name} did not converge: {fitted.fit.reason}" for name, fitted in fits.items()
                  if not fitted.fit.converged)
-
-
-def _by_held_out(accepted: Accepted, gain: float, own: Own | None) -> float:
-    """Probability of an effect found step by step; gain: of its round, own: of itself where that is known."""
-    probability = allowed(accepted.probability * accepted.share, gain)
-    if own is None:
-        return probability
-    return carried_over(allowed(probability, own.gain), own.shown, own.variance)
 
 
 def _median_error(residual: np.ndarray) -> float | None:
@@ -336,13 +311,6 @@ def _known_beside(problem: Problem, fitted: Fitted, noise: NoiseModel, rows: np.
     return replace(fitted, fit=fitted.fit.known_by(covariance, fitted.fit.freedom))
 
 
-def _errors(problem: Problem, fitted: Fitted) -> dict[str, np.ndarray]:
-    """Errors of both sets; NaN where an effect of the record leaves a row out."""
-    held = problem.held_out
-    return {"identification": problem.errors(fitted, problem.data),
-            "validation": problem.errors(fitted, held) if len(held) else np.zeros(0)}
-
-
 def _judged(errors: dict[str, np.ndarray]) -> np.ndarray:
     values = errors["validation"] if errors["validation"].size else errors["identification"]
     return values[np.isfinite(values)]
@@ -394,7 +362,7 @@ def _alternatives(problem: Problem, declared: Layout, selection: Selection) -> t
             continue
         effects = chosen[:place] + [effect] + chosen[place + 1 :]
         fitted = problem.settled(refit(problem.rough, declared, effects, last))
-        left = rms_of(_judged(_errors(problem, fitted)))
+        left = rms_of(_judged(errors_of(problem, fitted)))
         found.append(Alternative(fitted.layout.effects[len(declared.effects) + place], chosen[place].label,
                                  left, probability, probability > DOUBT))
     return tuple(sorted(found, key=lambda a: -a.probability))

@@ -8,7 +8,7 @@ whole library; the evidences of that contest give its probability and its rivals
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -111,7 +111,7 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
                 for place, effect in enumerate(fitted.layout.effects[len(declared.effects):])]
     asked, (accepted, fitted) = tuple(accepted), _admissible(problem, declared, accepted, fitted)
     if problem.unknown_rivals:
-        accepted = _beside_unknown(problem.knowing(fitted), declared, accepted, fitted)
+        accepted = with_shares(problem.knowing(fitted), declared, accepted, fitted)
     if len(fits) > 1:
         fits[-1] = fitted
     return Selection(tuple(fits), tuple(accepted), asked)
@@ -221,8 +221,8 @@ def _admissible(problem: Problem, declared: Layout, accepted: list[Accepted], fi
     return accepted, fitted
 
 
-def _beside_unknown(problem: Problem, declared: Layout, accepted: list[Accepted],
-                    fitted: Fitted) -> list[Accepted]:
+def with_shares(problem: Problem, declared: Layout, accepted: Sequence[Accepted],
+                fitted: Fitted) -> list[Accepted]:
     """The effects of the last fit, each with its probability beside its rivals, bagged, and its share beside
     unknown functions in its place, or in the place of all effects that stand."""
     first = len(declared.effects)

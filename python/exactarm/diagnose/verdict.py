@@ -193,12 +193,12 @@ def stood_and_refuted(findings) -> tuple[list, list]:
 
 
 def beside(refuted) -> str:
-    """Of findings that do not stand but are in the model, after the sentence on what the others do."""
+    """Of effects that do not stand, after the sentence on what the others do."""
     worse = [finding.effect.title for finding in refuted if finding.likelier]
     against = [finding.effect.title for finding in refuted if not finding.likelier]
-    said = [*([f"{_listed(against)}, which rows that were not fitted contradict"] if against else []),
+    said = [*([f"{_listed(against)}, less likely than not by all rows"] if against else []),
             *([f"{_listed(worse)}, where something else is likelier"] if worse else [])]
-    return f" The model also holds {'; and '.join(said)}." if said else ""
+    return f" The fitted rows also ask for {'; and '.join(said)}." if said else ""
 
 
 def _listed(titles: list[str]) -> str:

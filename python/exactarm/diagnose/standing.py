@@ -1,0 +1,97 @@
+"""Which of the effects found stand once held-out rows and unknown functions have spoken.
+
+An effect found step by step that is then less likely than not leaves the model: something else looked like
+it, and a program corrected by it would go wrong elsewhere.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from exactarm.chain import Layout
+from exactarm.diagnose.decisions import NAMED_AT
+from exactarm.diagnose.fitted import Fitted
+from exactarm.diagnose.held_out_evidence import allowed, carried_over, held_out_gains, with_held_out
+from exactarm.diagnose.joint_fit import refit
+from exactarm.diagnose.own_share import Own, own_shares
+from exactarm.diagnose.posterior import Causes
+from exactarm.diagnose.problem import Problem
+from exactarm.diagnose.selected import Accepted, Selection
+from exactarm.diagnose.selection import with_shares
+from exactarm.diagnose.signal import Structure
+from exactarm.effects.base import Effect
+
+
+@dataclass(frozen=True)
+class Dropped:
+    """An effect that the fitted rows ask for and that does not stand; likelier: what explains better what it
+    explains, None where its rivals or held-out rows have spoken against it."""
+
+    effect: Effect
+    probability: float
+    likelier: Structure | None
+
+    def to_json(self) -> dict[str, object]:
+        reason = f"likelier: {self.likelier}" if self.likelier else "less likely than not by all rows"
+        return {"effect": self.effect.name, "joint": self.effect.joint, "probability": self.probability,
+                "reason": reason}
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A selection by all rows: errors of every fit by set of rows, own shares, gains of the rounds in nats,
+    and the probability of every effect."""
+
+    selection: Selection
+    errors: list[dict[str, np.ndarray]]
+    own: list[Own]
+    gains: list[float]
+    sure: list[float]
+
+    @staticmethod
+    def of(problem: Problem, declared: Layout, selection: Selection, causes: Causes | None) -> Judged:
+        last, errors = selection.fits[-1], [errors_of(problem, fitted) for fitted in selection.fits]
+        own = own_shares(problem, last, len(declared.effects))
+        gains = held_out_gains(errors, problem.numbers_of_error, problem.correlation_factor(last))
+        sure = [with_held_out(accepted.probability, causes.places[k].nothing, own[k].gain) if causes
+                else _by_held_out(accepted, gains[accepted.round], own[k] if own else None)
+                for k, accepted in enumerate(selection.accepted)]
+        return Judged(selection, errors, own, gains, sure)
+
+    def only_standing(self, problem: Problem, declared: Layout) -> tuple[Judged, tuple[Dropped, ...]]:
+        """Without the effects that do not stand, the least likely first, the others fitted and judged anew
+        until all do; and those effects."""
+        at, dropped = self, ()
+        while at.sure and min(at.sure) < NAMED_AT:
+            out = int(np.argmin(at.sure))
+            gone, fits = at.selection.accepted[out], at.selection.fits
+            dropped += (Dropped(gone.effect, at.sure[out], gone.likelier),)
+            kept = [replace(a, round=0) for k, a in enumerate(at.selection.accepted) if k != out]
+            found = fits[:1]
+            if kept:
+                last = problem.settled(refit(problem, declared, [a.effect for a in kept], fits[-1]))
+                effects = last.layout.effects[len(declared.effects):]
+                kept = [replace(a, effect=effect) for a, effect in zip(kept, effects)]
+                if problem.unknown_rivals:
+                    kept = with_shares(problem.knowing(last), declared, kept, last)
+                found += (last,)
+            selection = replace(at.selection, fits=found, accepted=tuple(kept))
+            at = Judged.of(problem, declared, selection, None)
+        return at, dropped
+
+
+def errors_of(problem: Problem, fitted: Fitted) -> dict[str, np.ndarray]:
+    """Errors of both sets; NaN where an effect of the record leaves a row out."""
+    held = problem.held_out
+    return {"identification": problem.errors(fitted, problem.data),
+            "validation": problem.errors(fitted, held) if len(held) else np.zeros(0)}
+
+
+def _by_held_out(accepted: Accepted, gain: float, own: Own | None) -> float:
+    """Probability of an effect found step by step; gain: of its round, own: of itself where that is known."""
+    probability = allowed(accepted.probability * accepted.share, gain)
+    if own is None:
+        return probability
+    return carried_over(allowed(probability, own.gain), own.shown, own.variance)
