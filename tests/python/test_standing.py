@@ -1,4 +1,4 @@
-"""Effects found step by step that are less likely than not leave the model, the least likely first."""
+"""Effects that are less likely than not leave the model, the least likely first."""
 
 import sys
 from pathlib import Path
@@ -39,7 +39,7 @@ def judged(monkeypatch):
             present = "".join(a.effect.name for a in selection.accepted)
             return Judged(selection, [], [], [], by_set[present])
 
-        monkeypatch.setattr(standing, "refit", lambda problem, declared, effects, last: fit_of(effects))
+        monkeypatch.setattr(standing, "refit", lambda problem, declared, effects, *last: fit_of(effects))
         monkeypatch.setattr(Judged, "of", staticmethod(of))
         effects = [effect(name) for name in max(by_set, key=len)]
         accepted = tuple(Accepted(each, 10.0, 1.0, (), number) for number, each in enumerate(effects))
@@ -53,7 +53,7 @@ DECLARED = SimpleNamespace(effects=())
 
 
 def test_the_least_likely_leaves_first_and_the_others_are_judged_anew(judged):
-    left, dropped = judged({"abc": [0.9, 0.4, 0.1], "ab": [0.9, 0.6]}).only_standing(PROBLEM, DECLARED)
+    left, _, dropped = judged({"abc": [0.9, 0.4, 0.1], "ab": [0.9, 0.6]}).only_standing(PROBLEM, DECLARED)
     assert [(each.effect.name, each.probability) for each in dropped] == [("c", 0.1)]
     assert [a.effect.name for a in left.selection.accepted] == ["a", "b"] and left.sure == [0.9, 0.6]
     assert len(left.selection.fits) == 2 and {a.round for a in left.selection.accepted} == {0}
@@ -62,14 +62,14 @@ def test_the_least_likely_leaves_first_and_the_others_are_judged_anew(judged):
 
 
 def test_where_none_stands_the_declared_model_is_left(judged):
-    left, dropped = judged({"ab": [0.3, 0.2], "a": [0.49], "": []}).only_standing(PROBLEM, DECLARED)
+    left, _, dropped = judged({"ab": [0.3, 0.2], "a": [0.49], "": []}).only_standing(PROBLEM, DECLARED)
     assert [each.effect.name for each in dropped] == ["b", "a"]
     assert not left.selection.accepted and len(left.selection.fits) == 1
 
 
 def test_what_stands_stays_as_it_is(judged):
     made = judged({"ab": [0.5, 0.9]})
-    assert made.only_standing(PROBLEM, DECLARED) == (made, ())
+    assert made.only_standing(PROBLEM, DECLARED) == (made, None, ())
 
 
 def test_a_diagnosis_holds_nothing_that_is_less_likely_than_not(tmp_path):

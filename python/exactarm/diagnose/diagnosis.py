@@ -18,10 +18,9 @@ from exactarm.diagnose.contribution import Contribution, contributions
 from exactarm.diagnose.decisions import DOUBT
 from exactarm.diagnose.dossier import Dossier, dossier
 from exactarm.diagnose.draft import Draft, drafts_of
-from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.held_out_evidence import AGAINST
 from exactarm.diagnose.in_space import InSpace
-from exactarm.diagnose.joint_fit import refit
+from exactarm.diagnose.joint_fit import known_beside, refit
 from exactarm.diagnose.left_over import LeftOver, left_over
 from exactarm.diagnose.noise import NoiseFloor, noise_floor
 from exactarm.diagnose.not_noise import not_noise
@@ -39,7 +38,6 @@ from exactarm.diagnose.verdict import (
     rises,
     rms_of,
     sentence_of,
-    stood_and_refuted,
     verdict_by_rules,
     verdict_of_causes,
     without_refuted,
@@ -48,8 +46,6 @@ from exactarm.diagnose.wave_in_time import wave_instead
 from exactarm.effects.base import Effect
 from exactarm.identify.loads import kept_masses
 from exactarm.identify.statistics import ErrorSummary, summarise
-from exactarm.noise.model import NoiseModel
-from exactarm.noise.sharing import shared_covariance
 from exactarm.robot.generic_masses import with_unknown_load
 from exactarm.robot.robot import Robot
 
@@ -168,9 +164,9 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     if (calmed := without_refuted(causes, judged.sure)) is not None:
         withdrawn = tuple(dict.fromkeys(accepted.effect.title for accepted in selection.accepted))
         causes = calmed
-        judged = Judged.of(problem, declared, Selection(selection.fits[:1], ()), causes)
-    elif causes is None:
-        judged, dropped = judged.only_standing(problem, declared)
+        asked = judged = Judged.of(problem, declared, Selection(selection.fits[:1], ()), causes)
+    else:
+        judged, causes, dropped = judged.only_standing(problem, declared, causes)
     selection, errors, own = judged.selection, judged.errors, judged.own
     first, last = selection.fits[0], selection.fits[-1]
     noise = noise_floor(problem, last)
@@ -194,8 +190,7 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     waves = problem.waves(last, noise.value if noise.measured else None)
     unknown = _unknown_beside(causes, dropped)
     unconverged = _unconverged(selection)
-    stood, refuted = stood_and_refuted(findings)
-    refuted = dropped or (refuted and not (causes and stood))  # what stands explains it all the same
+    refuted = dropped and not (causes and findings)  # what stands explains it all the same
     # where nothing stands, the sentence is about what was tried
     gain, told = sum((judged if findings else asked).gains), after if findings else tried
     worse = gain < 0.0 and rises(before, told)
@@ -288,27 +283,8 @@ def _search(problem: Problem, declared: Layout, progress: Progress) -> tuple[Sel
         start = replace(first, sigma=fits[-1].sigma)  # what the effects leave
         fits = [first, *fits[1:-1]] + ([refit(problem, declared, effects, start)] if effects else [])
     if causes is not None:
-        fits[-1] = _known_beside(problem, fits[-1], causes.noise, rows)
+        fits[-1] = known_beside(problem, fits[-1], causes.noise, rows)
     return replace(found, fits=tuple(fits)), causes
-
-
-def _known_beside(problem: Problem, fitted: Fitted, noise: NoiseModel, rows: np.ndarray | None) -> Fitted:
-    """The fit with the covariance that noise shared by rows, and weights by a Student law, leave; rows (N,)
-    bool: those that the noise was estimated from, None = all."""
-    used = fitted.weight[fitted.weight > 0.0]
-    held = noise.held_share if np.ptp(used) > 0.0 else 1.0
-    if noise.wandering is None and noise.shared == 0.0 and noise.rounding is None:
-        return replace(fitted, fit=fitted.fit.known_by(fitted.fit.covariance / held, fitted.fit.freedom))
-    order = problem.order()
-    if order is not None and rows is not None:  # a memory is counted in distances between the rows searched
-        step = np.diff(np.sort(order[rows]))
-        order = order / np.median(step[step > 0.0])
-    columns = fitted.standard(fitted.jacobian).reshape(fitted.jacobian.shape)
-    free = ~fitted.fit.at_bound
-    covariance = np.zeros_like(fitted.fit.covariance)
-    covariance[np.ix_(free, free)] = shared_covariance(columns[:, :, free], fitted.prior_rows[:, free], noise,
-                                                       problem.groups(), order, problem.rounding()) / held
-    return replace(fitted, fit=fitted.fit.known_by(covariance, fitted.fit.freedom))
 
 
 def _judged(errors: dict[str, np.ndarray]) -> np.ndarray:

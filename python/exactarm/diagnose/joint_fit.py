@@ -12,6 +12,8 @@ from exactarm.diagnose.fitted import Fitted, rows_kept
 from exactarm.diagnose.problem import Problem
 from exactarm.effects import library
 from exactarm.effects.base import Effect
+from exactarm.noise.model import NoiseModel
+from exactarm.noise.sharing import shared_covariance
 
 _MOST_MOVES = 4  # of a step to a likelier place
 _MOST_WIDTHS = 8  # of the priors of one effect's terms: steps of a fixed point
@@ -68,3 +70,22 @@ def _warm(declared: Layout, last: Fitted) -> Layout:
     """The declared layout at the values of the last fit, whose first effects are the declared ones."""
     count = len(declared.effects)
     return Layout(last.layout.effects[:count], declared.free)
+
+
+def known_beside(problem: Problem, fitted: Fitted, noise: NoiseModel, rows: np.ndarray | None) -> Fitted:
+    """The fit with the covariance that noise shared by rows, and weights by a Student law, leave; rows (N,)
+    bool: those that the noise was estimated from, None = all."""
+    used = fitted.weight[fitted.weight > 0.0]
+    held = noise.held_share if np.ptp(used) > 0.0 else 1.0
+    if noise.wandering is None and noise.shared == 0.0 and noise.rounding is None:
+        return replace(fitted, fit=fitted.fit.known_by(fitted.fit.covariance / held, fitted.fit.freedom))
+    order = problem.order()
+    if order is not None and rows is not None:  # a memory is counted in distances between the rows searched
+        step = np.diff(np.sort(order[rows]))
+        order = order / np.median(step[step > 0.0])
+    columns = fitted.standard(fitted.jacobian).reshape(fitted.jacobian.shape)
+    free = ~fitted.fit.at_bound
+    covariance = np.zeros_like(fitted.fit.covariance)
+    covariance[np.ix_(free, free)] = shared_covariance(columns[:, :, free], fitted.prior_rows[:, free], noise,
+                                                       problem.groups(), order, problem.rounding()) / held
+    return replace(fitted, fit=fitted.fit.known_by(covariance, fitted.fit.freedom))

@@ -1,7 +1,7 @@
 """Which of the effects found stand once held-out rows and unknown functions have spoken.
 
-An effect found step by step that is then less likely than not leaves the model: something else looked like
-it, and a program corrected by it would go wrong elsewhere.
+An effect that is then less likely than not leaves the model: something else looked like it, and a program
+corrected by it would go wrong elsewhere.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from exactarm.chain import Layout
 from exactarm.diagnose.decisions import NAMED_AT
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.held_out_evidence import allowed, carried_over, held_out_gains, with_held_out
-from exactarm.diagnose.joint_fit import refit
+from exactarm.diagnose.joint_fit import known_beside, refit
 from exactarm.diagnose.own_share import Own, own_shares
 from exactarm.diagnose.posterior import Causes
 from exactarm.diagnose.problem import Problem
@@ -60,26 +60,34 @@ class Judged:
                 for k, accepted in enumerate(selection.accepted)]
         return Judged(selection, errors, own, gains, sure)
 
-    def only_standing(self, problem: Problem, declared: Layout) -> tuple[Judged, tuple[Dropped, ...]]:
+    def only_standing(self, problem: Problem, declared: Layout, causes: Causes | None = None
+                      ) -> tuple[Judged, Causes | None, tuple[Dropped, ...]]:
         """Without the effects that do not stand, the least likely first, the others fitted and judged anew
-        until all do; and those effects."""
+        until all do; the causes that are left; and the effects that are not."""
         at, dropped = self, ()
+        rows = problem.search_rows() if causes else None
+        noise = causes.noise if causes and rows is None else None
         while at.sure and min(at.sure) < NAMED_AT:
             out = int(np.argmin(at.sure))
             gone, fits = at.selection.accepted[out], at.selection.fits
             dropped += (Dropped(gone.effect, at.sure[out], gone.likelier),)
-            kept = [replace(a, round=0) for k, a in enumerate(at.selection.accepted) if k != out]
-            found = fits[:1]
+            kept, found = [replace(a, round=0) for a in _without(at.selection.accepted, out)], fits[:1]
+            causes = causes and replace(causes, places=_without(causes.places, out))
             if kept:
-                last = problem.settled(refit(problem, declared, [a.effect for a in kept], fits[-1]))
+                last = refit(problem, declared, [a.effect for a in kept], fits[-1], noise)
+                last = problem.settled(known_beside(problem, last, causes.noise, rows) if causes else last)
                 effects = last.layout.effects[len(declared.effects):]
                 kept = [replace(a, effect=effect) for a, effect in zip(kept, effects)]
-                if problem.unknown_rivals:
+                if problem.unknown_rivals and not causes:
                     kept = with_shares(problem.knowing(last), declared, kept, last)
                 found += (last,)
             selection = replace(at.selection, fits=found, accepted=tuple(kept))
-            at = Judged.of(problem, declared, selection, None)
-        return at, dropped
+            at = Judged.of(problem, declared, selection, causes)
+        return at, causes, dropped
+
+
+def _without(each: tuple, out: int) -> tuple:
+    return each[:out] + each[out + 1 :]
 
 
 def errors_of(problem: Problem, fitted: Fitted) -> dict[str, np.ndarray]:
