@@ -121,7 +121,7 @@ def test_an_effect_that_held_out_rows_refute_is_not_what_the_model_lacks():
     both, alone = (sentence_of(EXPLAINED, found, [], sets, sets, None, 1.0)
                    for found in ([right, wrong], [wrong]))
     assert both.startswith("The model lacks backlash of axis 2; with it the")
-    assert both.endswith("ask for gear ratio of axis 5, less likely than not by all rows.")
+    assert both.endswith("holds gear ratio of axis 5, less likely than not.")
     assert alone.startswith("The fitted rows ask for gear ratio of axis 5;") and "speak against it" in alone
 
 

@@ -89,5 +89,5 @@ def test_the_sentence_names_what_is_likelier():
     sets = {"identification": summarise(np.full(5, 1.0)), "validation": summarise(np.full(5, 1.0))}
     both, alone = (sentence_of(EXPLAINED, found, [], sets, sets, None, 1.0)
                    for found in ([right, wrong], [wrong]))
-    assert "The fitted rows also ask for coupling of axis 1, where something else is likelier." in both
+    assert "The model also holds coupling of axis 1, where something else is likelier." in both
     assert "likelier that axis 1 follows the load" in alone and "speak against" not in both + alone

@@ -45,14 +45,16 @@ def test_why_a_runner_up_lost_is_what_its_error_says(rms, why):
     assert why in _why(SimpleNamespace(collides=False, rms_after=rms), 1.0)
 
 
-def test_causes_come_in_the_order_of_the_chain_and_the_advice_names_all_that_programs_need():
-    coupling, ratio = (SimpleNamespace(effect=effect, probability=0.99)
-                       for effect in (JointCoupling(6, (4.0, 7e-4)), GearRatio(2, (1e-4,))))
-    found = [(coupling, None), (ratio, None)]
-    assert [finding for finding, _ in in_order(found)] == [ratio, coupling]
+def test_a_cause_that_held_out_rows_contradict_is_said_last_and_advised_against():
+    doubtful, sure = (SimpleNamespace(effect=effect, probability=p) for effect, p in (
+        (GearRatio(2, (1e-4,)), 0.003), (JointCoupling(6, (4.0, 7e-4)), 0.999)))
+    found = [(doubtful, None), (sure, None)]
+    assert [finding for finding, _ in in_order(found)] == [sure, doubtful]
     before = {name: summarise(2.0 * np.ones(20)) for name in ERRORS}
     result = SimpleNamespace(
-        findings=(coupling, ratio), before=before, after=ERRORS, verdict=EXPLAINED, kind="poses", drafts=(),
+        findings=(doubtful, sure), before=before, after=ERRORS, verdict=EXPLAINED, kind="poses", drafts=(),
         next_experiment=None, noise=NoiseFloor(1.0, "as the test says", True), converged=True)
     (text,) = _next(six_axis(), result, found)
-    assert all(each.effect.in_plain_words in text.paragraphs[0] for each in (coupling, ratio))
+    advice = " ".join(text.paragraphs)
+    assert "make up for a motor that turns another axis too." in advice
+    assert "also holds gear ratio of axis 2, less likely than not" in advice

@@ -40,7 +40,7 @@ from exactarm.diagnose.draft import Draft
 from exactarm.diagnose.not_noise import probability_of as probability_not_noise
 from exactarm.diagnose.posterior import Causes
 from exactarm.diagnose.signal import LOAD
-from exactarm.diagnose.verdict import UNEXPLAINED, remains
+from exactarm.diagnose.verdict import UNEXPLAINED, remains, stood_and_refuted
 from exactarm.errors import InputError
 from exactarm.identify.session_payloads import session_payloads
 from exactarm.identify.statistics import summarise
@@ -103,7 +103,8 @@ def diagnose(robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, thread
         results.append(result)
         doubts = result.problem.doubts(result.selection.fits[-1])
         warnings += [line for line in (*told, *found, *doubts) if line not in warnings]
-    warnings += dict.fromkeys(line for line in map(_mounted_otherwise, results) if line is not None)
+    warnings += dict.fromkeys(line for each in results for line in (_mounted_otherwise(each), _doubted(each))
+                              if line is not None)
     first = results[0]
     also: dict[str, Any] = {"also": [_json(other) for other in results[1:]]} if len(results) > 1 else {}
     also |= {"skipped": skipped} if skipped else {}
@@ -134,6 +135,16 @@ def _mounted_otherwise(result: Diagnosis) -> str | None:
         return None
     return ("what no spring explains follows the load that the robot file's masses make: is the arm mounted "
             "as its file's gravity_m_s2 says?")
+
+
+def _doubted(result: Diagnosis) -> str | None:
+    """In words: what the robot file holds although it does not stand, and programs would be corrected by."""
+    refuted = [finding.effect.title for finding in stood_and_refuted(result.findings)[1]
+               if finding.effect.compensable]
+    if not refuted:
+        return None
+    return (f"robot.toml holds {', '.join(dict.fromkeys(refuted))} although it is less likely than not: it "
+            "tells what was measured here, elsewhere it may be wrong; do not correct programs by it")
 
 
 def _json(result: Diagnosis) -> dict[str, Any]:

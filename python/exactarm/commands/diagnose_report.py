@@ -24,7 +24,7 @@ from exactarm.diagnose.contribution import Contribution
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.diagnose.dossier import Dossier
 from exactarm.diagnose.held_out_evidence import AGAINST
-from exactarm.diagnose.verdict import NOTHING, UNEXPLAINED, beside, remains, spoken_against
+from exactarm.diagnose.verdict import NOTHING, UNEXPLAINED, beside, remains, spoken_against, stood_and_refuted
 from exactarm.report import Figure, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import change, fixed, number, quantities
 from exactarm.report.plots.arm import arm_with_errors
@@ -72,15 +72,18 @@ def verdict_of(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contr
     """The verdict in a technician's words."""
     judged = "validation" if result.after["validation"].n else "identification"
     rows = kind_of(result.kind).rows
-    if not result.findings:
+    named, refuted = stood_and_refuted(result.findings)
+    if not named:
         return result.sentence
     before, after = result.before[judged].rms, result.after[judged].rms
     whose = (f"{rows} that were never fitted" if judged == "validation"
              else f"the fitted {rows} (none were held out)")
+    lacks = {finding.effect.label for finding in named}
+    lacked = [pair for pair in found if pair[0].effect.label in lacks]
     text = (
-        f"The model lacked {causes_in_words(result, found, robot.axes)}. With this in it the RMS error on "
+        f"The model lacked {causes_in_words(result, lacked, robot.axes)}. With this in it the RMS error on "
         f"{whose} {change(before, after, result.unit)}{_many_left_out(result, judged)}."
-        f"{beside(result.dropped)}")
+        f"{beside(refuted, result.dropped)}")
     doubtful = [a for a in result.alternatives if a.collides]
     if doubtful:
         own = next((f.effect for f in result.findings if f.effect.label == doubtful[0].instead_of), None)
@@ -149,7 +152,8 @@ def _outliers(result: Diagnosis) -> tuple[str, ...]:
 def _next(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contribution | None]]) -> list[Text]:
     """What the reader does with this page."""
     lines = []
-    corrected = sorted({f.effect.in_plain_words for f in result.findings if f.effect.compensable})
+    stood, refuted = stood_and_refuted(result.findings)
+    corrected = sorted({f.effect.in_plain_words for f in stood if f.effect.compensable})
     if found and not _pays(result):
         lines.append("The causes are probable by the fitted rows, but do not lower the error of the others: "
                      "keep your robot file until a new measurement decides.")
@@ -161,10 +165,13 @@ def _next(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contributi
                         "geometry too."))
     elif result.dropped:
         lines.append("Keep your robot file: `robot.toml` of this folder is the same with its own parameters "
-                     "estimated again, and holds nothing that is less likely than not.")
+                     "estimated again, and holds nothing that rows contradict which were not fitted.")
     elif result.verdict == NOTHING and robot.has_geometry:
         lines.append("Nothing need be added. `robot.toml` of this folder is your robot file with its own "
                      "parameters estimated again from these data.")
+    if refuted and corrected:
+        lines.append(f"It also holds {in_words([f.effect.title for f in refuted])}, less likely than not: "
+                     "take its `[[effects]]` out of `robot.toml` unless new rows speak for it.")
     if result.verdict == NOTHING and (worse := worse_elsewhere(result)):
         lines.append(worse)
     if result.verdict == NOTHING and not result.noise.measured:

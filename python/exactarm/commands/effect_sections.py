@@ -10,6 +10,7 @@ import numpy as np
 from exactarm.commands.error_sections import unit_of, words_of
 from exactarm.data.kinds import kind_of
 from exactarm.diagnose.contribution import Contribution
+from exactarm.diagnose.decisions import NAMED_AT
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.effects.base import Effect
 from exactarm.effects.order_source import likely_source
@@ -41,8 +42,9 @@ _NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight"
 def in_order(
     found: Sequence[tuple[Finding, Contribution | None]]
 ) -> list[tuple[Finding, Contribution | None]]:
-    """In the order of the chain, then of the axes."""
-    return sorted(found, key=lambda pair: (pair[0].effect.station, pair[0].effect.joint or 0))
+    """In the order of the chain, then of the axes; those less likely than not last."""
+    return sorted(found, key=lambda pair: (pair[0].probability < NAMED_AT, pair[0].effect.station,
+                                           pair[0].effect.joint or 0))
 
 
 def on_axes(joints: Sequence[int | None], axes: int) -> str:

@@ -18,6 +18,7 @@ from exactarm.diagnose.contribution import Contribution, contributions
 from exactarm.diagnose.decisions import DOUBT
 from exactarm.diagnose.dossier import Dossier, dossier
 from exactarm.diagnose.draft import Draft, drafts_of
+from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.held_out_evidence import AGAINST
 from exactarm.diagnose.in_space import InSpace
 from exactarm.diagnose.joint_fit import known_beside, refit
@@ -38,6 +39,7 @@ from exactarm.diagnose.verdict import (
     rises,
     rms_of,
     sentence_of,
+    stood_and_refuted,
     verdict_by_rules,
     verdict_of_causes,
     without_refuted,
@@ -166,7 +168,7 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
         causes = calmed
         asked = judged = Judged.of(problem, declared, Selection(selection.fits[:1], ()), causes)
     else:
-        judged, causes, dropped = judged.only_standing(problem, declared, causes)
+        judged, causes, dropped = judged.uncontradicted(problem, declared, causes)
     selection, errors, own = judged.selection, judged.errors, judged.own
     first, last = selection.fits[0], selection.fits[-1]
     noise = noise_floor(problem, last)
@@ -188,9 +190,10 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     else:
         verdict = verdict_of_causes(causes, after, noise, excess)
     waves = problem.waves(last, noise.value if noise.measured else None)
-    unknown = _unknown_beside(causes, dropped)
+    unknown = _unknown_beside(causes, (*findings, *dropped))
     unconverged = _unconverged(selection)
-    refuted = dropped and not (causes and findings)  # what stands explains it all the same
+    stood, refuted = stood_and_refuted((*findings, *dropped))
+    refuted = refuted and not (causes and stood)  # what stands explains it all the same
     # where nothing stands, the sentence is about what was tried
     gain, told = sum((judged if findings else asked).gains), after if findings else tried
     worse = gain < 0.0 and rises(before, told)
@@ -200,7 +203,8 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     drafts = ()
     if verdict == UNEXPLAINED and (problem.drafts or problem.unknown_rivals) and not unconverged:
         progress(DRAFTING)
-        drafts, others, drafted = drafts_of(problem, declared, last)
+        drafts, others, drafted = drafts_of(problem, declared,
+                                            _without_outdone(problem, declared, last, findings))
         if causes is None and (drafts or others):
             unknown = tuple(Structure(draft.effect.title) for draft in drafts) + others
             waves = problem.waves(drafted, noise.value if noise.measured else None)
@@ -211,8 +215,8 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
         kind=problem.kind, unit=problem.unit, noise=noise, before=before, after=after, findings=findings,
         alternatives=alternatives, verdict=verdict,
         sentence=no_verdict(unconverged) if unconverged else sentence_of(
-            verdict, (*findings, *dropped[::-1]), alternatives, before, told, left, excess, unknown, gain,
-            undecided, withdrawn),
+            verdict, findings, alternatives, before, told, left, excess, unknown, gain, undecided, withdrawn,
+            dropped[::-1]),
         dropped=dropped,
         causes=causes, unconverged=unconverged, drafts=drafts, unknown=unknown, excess=excess,
         held_out_gain=gain, next_experiment=words, experiments=experiments, dossier_before=had,
@@ -226,11 +230,17 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
         left_over=left_over(problem, last, left) if verdict == UNEXPLAINED else None)
 
 
-def _unknown_beside(causes: Causes | None, dropped: tuple[Dropped, ...]) -> tuple[Structure, ...]:
+def _without_outdone(problem: Problem, declared: Layout, last: Fitted, findings) -> Fitted:
+    """The last fit without the effects that something else outdoes: they would hide it."""
+    kept = [finding.effect for finding in findings if finding.likelier is None]
+    return last if len(kept) == len(findings) else refit(problem, declared, kept, last)
+
+
+def _unknown_beside(causes: Causes | None, findings) -> tuple[Structure, ...]:
     """What is known of causes that the library lacks."""
     if causes is not None:
         return causes.unknown + not_noise(causes.noise)
-    return tuple(dict.fromkeys(each.likelier for each in dropped if each.likelier))
+    return tuple(dict.fromkeys(finding.likelier for finding in findings if finding.likelier))
 
 
 def _unconverged(selection: Selection) -> tuple[str, ...]:

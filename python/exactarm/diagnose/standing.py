@@ -1,7 +1,8 @@
-"""Which of the effects found stand once held-out rows and unknown functions have spoken.
+"""Which of the effects found stay once held-out rows have spoken.
 
-An effect that is then less likely than not leaves the model: something else looked like it, and a program
-corrected by it would go wrong elsewhere.
+An effect that is then less likely than not, and against which held-out rows speak, leaves the model:
+something else looked like it, and a program corrected by it would go wrong elsewhere. One that only an
+unknown function outdoes stays as what comes nearest in the library, with its probability.
 """
 
 from __future__ import annotations
@@ -26,15 +27,15 @@ from exactarm.effects.base import Effect
 
 @dataclass(frozen=True)
 class Dropped:
-    """An effect that the fitted rows ask for and that does not stand; likelier: what explains better what it
-    explains, None where its rivals or held-out rows have spoken against it."""
+    """An effect that the fitted rows ask for and held-out rows contradict; likelier: the unknown function
+    that explains better what it explains, None: there is none."""
 
     effect: Effect
     probability: float
     likelier: Structure | None
 
     def to_json(self) -> dict[str, object]:
-        reason = f"likelier: {self.likelier}" if self.likelier else "less likely than not by all rows"
+        reason = "held-out rows contradict it" + (f"; likelier: {self.likelier}" if self.likelier else "")
         return {"effect": self.effect.name, "joint": self.effect.joint, "probability": self.probability,
                 "reason": reason}
 
@@ -60,15 +61,26 @@ class Judged:
                 for k, accepted in enumerate(selection.accepted)]
         return Judged(selection, errors, own, gains, sure)
 
-    def only_standing(self, problem: Problem, declared: Layout, causes: Causes | None = None
+    def _contradicted(self) -> list[int]:
+        """Places of effects less likely than not whom held-out rows brought there, or against whom they
+        speak: alone, or against all together."""
+        found = []
+        for k, accepted in enumerate(self.selection.accepted):
+            by_fitted = accepted.probability * accepted.share
+            gain = self.own[k].gain if self.own else self.gains[accepted.round]
+            if self.sure[k] < NAMED_AT and (by_fitted >= NAMED_AT or gain < 0.0 or sum(self.gains) < 0.0):
+                found.append(k)
+        return found
+
+    def uncontradicted(self, problem: Problem, declared: Layout, causes: Causes | None = None
                       ) -> tuple[Judged, Causes | None, tuple[Dropped, ...]]:
-        """Without the effects that do not stand, the least likely first, the others fitted and judged anew
-        until all do; the causes that are left; and the effects that are not."""
+        """Without the effects that held-out rows contradict, the least likely first, the others fitted and
+        judged anew until all stay; the causes that are left; and the effects that are not."""
         at, dropped = self, ()
         rows = problem.search_rows() if causes else None
         noise = causes.noise if causes and rows is None else None
-        while at.sure and min(at.sure) < NAMED_AT:
-            out = int(np.argmin(at.sure))
+        while contradicted := at._contradicted():
+            out = min(contradicted, key=lambda k: at.sure[k])
             gone, fits = at.selection.accepted[out], at.selection.fits
             dropped += (Dropped(gone.effect, at.sure[out], gone.likelier),)
             kept, found = [replace(a, round=0) for a in _without(at.selection.accepted, out)], fits[:1]

@@ -142,31 +142,32 @@ def remains(left: Dossier, excess: float, unknown: tuple[Structure, ...] = ()) -
 
 def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, excess: float,
                 unknown: tuple[Structure, ...] = (), gain: float = 0.0,
-                undecided: tuple[str, ...] = (), withdrawn: tuple[str, ...] = ()) -> str:
+                undecided: tuple[str, ...] = (), withdrawn: tuple[str, ...] = (), dropped=()) -> str:
     """The verdict in one sentence that a technician understands; gain: of the held-out rows, in nats;
     undecided: titles of causes of which one is missing; withdrawn: of those that held-out rows refute where
-    nothing need be missing."""
+    nothing need be missing; dropped: effects that they contradict, no longer in the model."""
     judged = "validation" if after["validation"].n else "identification"
-    if findings:
+    if findings or dropped:
         stood, refuted = stood_and_refuted(findings)
+        asked = [*refuted, *dropped]
         named = [f.effect.title for f in stood]
         fall = 1.0 - after[judged].rms / before[judged].rms
-        it = "it" if len(named or refuted) == 1 else "them"
+        it = "it" if len(named or asked) == 1 else "them"
         falls = (f"{'falls' if fall > 0.0 else 'rises'} by {100 * abs(fall):.0f} %"
                  if abs(fall) >= _NO_CHANGE else "does not change")
         lacks = "The model lacks" if named else "The fitted rows ask for"
-        found = _listed(named or [f.effect.title for f in refuted])
+        found = _listed(named or [f.effect.title for f in asked])
         text = f"{lacks} {found}; with {it} the {judged} RMS error {falls}."
-        text += beside(refuted) if named else ""
+        text += beside(refuted, dropped) if named else ""
         doubtful = [a for a in alternatives if a.collides]
         if doubtful:
             a = doubtful[0]
             own = next(f.effect for f in findings if f.effect.label == a.instead_of)
             text += f" This data cannot tell {own.title} from {a.effect.title}."
         if gain < AGAINST or not named:
-            likelier = [str(f.likelier) for f in refuted if f.likelier]
+            likelier = [str(f.likelier) for f in asked if f.likelier]
             return text + (outdone(likelier) if likelier and gain >= AGAINST
-                           else spoken_against(len(findings)))
+                           else spoken_against(len(stood or asked)))
         if verdict == UNEXPLAINED:
             text += (" A structure is left that nothing in the library explains; "
                      f"{remains(left, excess, unknown)}.")
@@ -192,13 +193,17 @@ def stood_and_refuted(findings) -> tuple[list, list]:
     return stood, [finding for finding in findings if finding.probability < NAMED_AT]
 
 
-def beside(refuted) -> str:
-    """Of effects that do not stand, after the sentence on what the others do."""
+def beside(refuted, dropped=()) -> str:
+    """After the sentence on what the others do: of findings that do not stand but are in the model, and of
+    effects that are not."""
     worse = [finding.effect.title for finding in refuted if finding.likelier]
-    against = [finding.effect.title for finding in refuted if not finding.likelier]
-    said = [*([f"{_listed(against)}, less likely than not by all rows"] if against else []),
+    unsure = [finding.effect.title for finding in refuted if not finding.likelier]
+    held = [*([f"{_listed(unsure)}, less likely than not"] if unsure else []),
             *([f"{_listed(worse)}, where something else is likelier"] if worse else [])]
-    return f" The fitted rows also ask for {'; and '.join(said)}." if said else ""
+    text = f" The model also holds {'; and '.join(held)}." if held else ""
+    asked = _listed([each.effect.title for each in dropped])
+    return text + (f" The fitted rows also ask for {asked}, which rows that were not fitted contradict."
+                   if asked else "")
 
 
 def _listed(titles: list[str]) -> str:
