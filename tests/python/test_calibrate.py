@@ -260,6 +260,18 @@ def test_command_writes_intervals_and_both_errors(arm, tmp_path, capsys):
     assert set(result["observability"]) == {"O1", "O2", "O3", "O4", "O5"}
 
 
+@pytest.mark.parametrize("compliance, told", [(None, True), ("1,2,3,4,5,6", False)])
+def test_declared_springs_that_are_held_are_told(tmp_path, capsys, compliance, told):
+    made = str(tmp_path / "made")
+    assert cli.main(["simulate", "racer-7-1.4", "--count", "40", "--seed", "2", "--out", made]) == 0
+    more = () if compliance is None else ("--compliance", compliance)
+    assert cli.main(["calibrate", "racer-7-1.4", f"{made}/measured.csv", *more,
+                     "--out", str(tmp_path / "out")]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    words = "The declared springs on all six axes were held as they are: `--compliance 1,2,3,4,5,6` estimates"
+    assert (words in said) == told
+
+
 @pytest.mark.parametrize("fault, words", [
     ("few", "different identification poses give"),
     ("millimetres", "millimetres labelled as metres"),

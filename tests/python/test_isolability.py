@@ -41,6 +41,12 @@ def test_seen_is_the_length_that_a_fit_leaves_of_the_cause(planned, monkeypatch)
     assert np.sqrt(sum(squares)) / NOISE_M == pytest.approx(table.seen[at], rel=0.1)
 
 
+def test_every_cause_has_a_name_of_its_own(planned):
+    """Growth of a link and drift of an axis were both "thermal drift of axis 1": one lost its column."""
+    titles = planned[2].titles
+    assert len(set(titles)) == len(titles) and "thermal growth of link 3" in titles
+
+
 @pytest.mark.slow
 def test_an_axis_whose_turn_moves_nothing_shows_nothing():
     # the target lies on axis 6

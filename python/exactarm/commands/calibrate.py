@@ -24,6 +24,7 @@ from exactarm.commands.call import (
     table_option,
     threads_of,
 )
+from exactarm.commands.effect_sections import on_axes
 from exactarm.commands.error_sections import error_figures, error_table, geometry_tables, highlights, unit_of
 from exactarm.commands.load_section import with_load_section, with_payload_section
 from exactarm.commands.memory import within_memory
@@ -219,6 +220,7 @@ def _report(robot: Robot, data: Dataset, result: Calibration, rule: str) -> Repo
     if data.kind == POSES.name and result.fit.sigma_orientation is not None:
         (turn,) = quantities([np.sqrt(3.0) * result.fit.sigma_orientation], "rad")
         note += f" The measured orientations of the fitted rows are missed by {turn} (RMS)."
+    note += _held_springs(robot, result)
     sections = (
         highlights(result.before, result.after, unit),
         next_steps(robot, kind_of(data.kind), before.mean, after.mean, after.rms > WORSE * before.rms),
@@ -228,6 +230,16 @@ def _report(robot: Robot, data: Dataset, result: Calibration, rule: str) -> Repo
         Warnings(result.warnings))
     return Report(f"Calibration of {robot.name}", verdict, sections,
                   "good" if after.mean < before.mean else "caution")
+
+
+def _held_springs(robot: Robot, result: Calibration) -> str:
+    """In words, the declared springs that nothing was estimated of."""
+    own = {effect.joint for effect in result.fit.layout.effects if effect.per_load}
+    held = [i for i, joint in enumerate(robot.joints, start=1) if joint.spring_linear and i not in own]
+    if not held:
+        return ""
+    return (f" The declared springs{on_axes(held, robot.axes)} were held as they are: "
+            f"`--compliance {','.join(map(str, held))}` estimates what they lack.")
 
 
 def _distance_tables(result: Calibration) -> tuple[Any, ...]:

@@ -153,7 +153,9 @@ def designed_for(robot: Robot, path: Path, cost: Mapping[str, float],
            "the end, add the measured positions to poses.csv as x_m, y_m, z_m, and diagnose it together with "
            "the first file. Both need the same columns: give the first one approach_i (0 where it is not "
            "known)"
-           + (" and payload_kg (0)." if best.payload_kg else "."),)
+           + (" and payload_kg (0)" if best.payload_kg else "") + ". A file is a set-up of its own, whose "
+           "frame takes four poses and more: where neither tracker nor arm has moved since, give both files "
+           "a column session with the same word.",)
     return CommandResult(
         json={"experiments": [experiment_json(e) for e in experiments], "minutes": dict(cost),
               "poses": len(both)},

@@ -143,6 +143,9 @@ def _simulate(run: _Run) -> Sequence[str]:
 
 
 def _design(run: _Run) -> Sequence[str]:
+    if "experiments" in run.result.json:  # of what a diagnosis has left open
+        return ("Drive to the poses of `poses.csv`, write what the tracker shows beside the angles, and run "
+                f"`exactarm diagnose {run.robot} FIRST.csv MEASURED.csv`, with the first file as below.",)
     if "deviation_m" in run.result.json:  # without a tracker
         fixture = " --fixture fixture.toml" if "fixture.toml" in run.result.texts else ""
         return ("Drive to the poses of `poses.csv`, write what is touched or read there beside the joint "

@@ -123,6 +123,10 @@ class ThermalLinkGrowth(ThermalDrift):
     form = "link"
     may_settle = in_record = True
 
+    @property
+    def title(self) -> str:
+        return f"thermal growth of link {self.joint}"
+
     def rates(self) -> tuple[Parameter, ...]:
         return (Parameter(f"growth_1_per_{self.unit}", 1e-5),)
 
