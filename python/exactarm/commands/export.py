@@ -111,12 +111,16 @@ def export(robot: AnyRobot, *, format: str, source: str | Path | None = None, ha
         f"{name} is written. By what the format cannot carry, the flange is off by "
         f"{quantity(cost.mean, 'm')} on average and "
         f"{quantity(cost.largest, 'm')} at most, against the whole model over the work space.")
-    carried = ("Not in the file: " + "; ".join(cost.parts) + "." if cost.parts
-               else "All of the model is in the file.")
+    parts = list(cost.parts)
+    told: dict[str, float | None] = {"lost_mean_m": cost.mean, "lost_max_m": cost.largest}
+    if format == "offsets":  # a page, no arm: what the axes' own geometry is worth is in no file of a robot
+        verdict = f"{name} is written: joint offsets, base and tool, for a person who types them in."
+        exact, told = True, dict.fromkeys(told)
+        parts.insert(0, "lengths and directions of the axes, which belong into no controller")
+    carried = "Not in the file: " + "; ".join(parts) + "." if parts else "All of the model is in the file."
     options = {"format": format, "source": given, "hash": hash}
     return CommandResult(
-        json={"format": format, "file": name, "lost_mean_m": cost.mean, "lost_max_m": cost.largest,
-              "not_carried": list(cost.parts)},
+        json={"format": format, "file": name} | told | {"not_carried": parts},
         report=Report(
             f"Export of {arm.name}", verdict,
             (*([] if exact else [Highlights((Highlight("lost, mean", Quantity(cost.mean, "m")),
