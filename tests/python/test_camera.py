@@ -123,6 +123,20 @@ def test_derivatives_by_every_parameter_agree_with_differences(on_flange):
     assert_derivative(at, layout.values, -back(prediction, prediction.jacobian), 1e-4, relative=1e-6)
 
 
+def test_where_camera_and_board_are_is_told_whole():
+    """The rotation vectors among the parameters count from a start."""
+    turned = tuple(map(tuple, exp(np.array([0.4, -0.3, 0.2])).tolist()))
+    values = [0.1, 0.2, -0.1, 0.01, 0.02, 0.03, *[0.0] * 3, 0.5, 0.6, 0.7, 0.025, *BENT]
+    for on_flange, names in ((True, ["camera on the flange", "board in the base"]),
+                             (False, ["board on the flange", "camera in the base"])):
+        camera = Camera(None, tuple(values), setup=replace(SETUP, on_flange=on_flange), mount=turned)
+        told = camera.placements()
+        assert list(told) == names
+        rotation, place = told[names[0]]
+        np.testing.assert_allclose(rotation, exp(np.array(values[:3])) @ np.array(turned), atol=1e-15)
+        assert place.tolist() == values[3:6] and told[names[1]][1].tolist() == values[9:12]
+
+
 def test_two_frames_follow_without_starting_values():
     random = np.random.default_rng(2)
     targets = exp(random.normal(0.0, 1.0, (6, 3))), random.normal(0.0, 0.5, (6, 3))
@@ -317,6 +331,7 @@ def test_commands_take_pictures_beside_planes(tmp_path):
     assert after["reprojection_px"] < 0.3 < 1.0 < before["reprojection_px"]
     assert after["distance_error_m"] < 0.5 * before["distance_error_m"]
     assert "session_1.camera_square_m" in made["parameters"]
+    assert set(made["placements"]["session_1"]) == {"camera on the flange", "board in the base"}
 
 
 def test_a_search_counts_pictures_and_asks_for_shares_of_what_an_arm_can_move():

@@ -45,6 +45,8 @@ from exactarm.identify.closure_scale import gravity_alone
 from exactarm.identify.closures import calibrate_closures
 from exactarm.identify.declared import geometry_layout
 from exactarm.identify.identifiability import Dropped
+from exactarm.measurement.contact import Contact
+from exactarm.numerics.rotation import log
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Estimate, Figure, Quantity, Report, Table, Warnings
 from exactarm.report.numbers import change, quantities
@@ -165,8 +167,29 @@ def _json(result: Calibration) -> dict[str, Any]:
         "observability": result.identifiability.observability.as_dict(),
         "noise": {"position_m": result.fit.sigma_position, "orientation_rad": result.fit.sigma_orientation},
         **_drawing(result),
+        **_placements(result),
         "converged": result.fit.fit.converged,
         "warnings": list(result.warnings)}
+
+
+def _placements(result: Calibration) -> dict[str, Any]:
+    """Where cameras and boards are, by session."""
+    found = {f"session_{effect.session}": {
+        name: {"position_m": place.tolist(), "rotation_vector_rad": log(turned).tolist()}
+        for name, (turned, place) in effect.placements().items()}
+        for effect in result.fit.layout.effects if isinstance(effect, Contact) and effect.placements()}
+    return {"placements": found} if found else {}
+
+
+def _placement_table(result: Calibration) -> tuple[Any, ...]:
+    numbers = lambda values, scale: ", ".join(f"{scale * value:.3f}" for value in values)
+    rows = tuple((session.removeprefix("session_"), name, numbers(at["position_m"], 1e3),
+                  numbers(np.degrees(at["rotation_vector_rad"]), 1.0))
+                 for session, each in _placements(result).get("placements", {}).items()
+                 for name, at in each.items())
+    note = "The rotations among the parameters of a camera count from a start; these are whole."
+    return (Table("Where camera and board are", ("session", "what", "x, y, z [mm]", "rotation vector [deg]"),
+                  rows, note),) if rows else ()
 
 
 def _drawing(result: Calibration) -> dict[str, Any]:
@@ -226,8 +249,8 @@ def _report(robot: Robot, data: Dataset, result: Calibration, rule: str) -> Repo
         next_steps(robot, kind_of(data.kind), before.mean, after.mean, after.rms > WORSE * before.rms),
         error_table(result.before, result.after, unit, what.capitalize(), note), *known,
         *error_figures(result.error_before, result.error_after, result.identification, unit, what, row),
-        *_parameter_sections(robot, result), dropped_table(result.identifiability.dropped),
-        Warnings(result.warnings))
+        *_placement_table(result), *_parameter_sections(robot, result),
+        dropped_table(result.identifiability.dropped), Warnings(result.warnings))
     return Report(f"Calibration of {robot.name}", verdict, sections,
                   "good" if after.mean < before.mean else "caution")
 

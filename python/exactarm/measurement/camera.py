@@ -83,6 +83,11 @@ class Camera(Contact):
         return tuple((exp(values[where][:3]) @ np.asarray(reference), values[where][3:])
                      for where, reference in ((_MOUNT, self.mount), (_WORLD, self.world)))
 
+    def placements(self) -> dict[str, Pose]:
+        mount, world = self.frames()
+        names = ("camera", "board") if self.setup.on_flange else ("board", "camera")
+        return {f"{names[0]} on the flange": mount, f"{names[1]} in the base": world}
+
     def _seen(self, view, at: np.ndarray) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
         """The corner in the camera's axes (K, 3), and on the way there: on the board in squares; the target's
         rotation; the corner from what stands still, from the target and from what the flange carries."""

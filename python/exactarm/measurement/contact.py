@@ -47,6 +47,11 @@ class Contact(Effect):
         """(N,) bool: the rows that touch it."""
         return (data.contacts[self.contact] == self.number) & (data.session == self.session)
 
+    def placements(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Name -> rotation (3, 3) and place (3,) m of what stands or is carried, where that is more than a
+        point; the rotation vectors among the values count from a start."""
+        return {}
+
     def started(self, view, at: np.ndarray) -> Contact:
         """The contact that fits its rows `at` (K,) best, up to outliers, as `view` has the arm."""
         raise NotImplementedError
