@@ -7,12 +7,15 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import stats
 
+import exactarm as ea
 from exactarm.errors import InputError
 from exactarm.identify.calibrate import CalibrationOptions, calibrate
 from exactarm.identify.frames import find_frames
+from exactarm.robot.robot import Placement
 from exactarm.robot_file import load_robot
 from set_ups import at_random_place, joints_in_limits, measured, true_robot
 from six_axis import six_axis
+from test_robot_types import leaning_scara, scara
 
 NOISE_M = 1e-4
 SET_UPS = 100  # the marks hold at any count
@@ -75,6 +78,18 @@ def test_tells_that_another_tool_point_fits_as_well():
                       for each in (q, parallel))
     assert turning.other_tool is None
     assert fixed.other_tool is not None and np.linalg.norm(fixed.other_tool - fixed.tool.position) > 0.01
+
+
+def test_a_direction_that_no_pose_turns_keeps_its_declared_place():
+    """Along the quill of a SCARA a shift of the tool is one of the base; it had ended wherever the search
+    began, and base z came with an interval of 0.01 mm at 10 to 580 mm, a zero outside of its own."""
+    tool = Placement(position=np.array([0.02, -0.01, 0.05]))
+    robot = replace(scara(), tool=tool)
+    for seed in range(3):
+        made = ea.simulate(leaning_scara(), count=40, seed=seed, noise=3e-5)
+        assert find_frames(robot, made.data, seed=seed).tool.position[2] == pytest.approx(0.05, abs=1e-12)
+        calibrated = ea.calibrate(robot, made.data, seed=seed).robot
+        assert calibrated.tool.position[2] == pytest.approx(0.05, abs=1e-12)
 
 
 def test_refuses_fewer_than_four_poses():

@@ -12,6 +12,7 @@ from exactarm import _core
 from exactarm.chain import Layout, motion_record, predict_motion
 from exactarm.cli import main
 from exactarm.data.dataset import read_dataset, write_dataset
+from exactarm.effects.link_inertia import LinkInertia
 from exactarm.files.examples import data_path
 from exactarm.identify.base_parameters import base_parameters
 from exactarm.identify.dynamics import DynamicsOptions, identify_dynamics
@@ -243,6 +244,15 @@ def test_command(tmp_path):
     assert load_robot(out / "robot.toml").joints[1].coulomb == pytest.approx(
         result["parameters"]["coulomb_2_Nm"]["value"]
     )
+    base, links = base_parameters(truth), LinkInertia.of(truth, range(60)).values
+    held = []
+    for k, column in enumerate(base.kept):
+        told = result["base_values"].get(base.names[column])
+        if told is not None:
+            low, high = told["ci95"]
+            held.append(low < links[column] + base.borne(k, truth) < high)
+            assert result["base_parameters"][base.names[column]] != base.names[column]
+    assert len(held) > 10 and np.mean(held) > 0.8
     again = tmp_path / "again"
     words = ["identify", str(out / "robot.toml"), str(tmp_path / "log.parquet"), "--out", str(again),
              "--quiet"]

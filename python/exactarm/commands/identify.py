@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -45,7 +46,7 @@ from exactarm.identify.dynamics import (
 )
 from exactarm.identify.statistics import summarise
 from exactarm.progress import SILENT, Progress
-from exactarm.report import Cell, Figure, Quantity, Report, Table, Warnings
+from exactarm.report import Cell, Estimate, Figure, Quantity, Report, Table, Warnings
 from exactarm.report.numbers import change, quantity
 from exactarm.report.plots.curves import curves_per_axis
 from exactarm.robot.robot import Robot
@@ -152,6 +153,7 @@ def _json(result: DynamicsIdentification) -> dict[str, Any]:
                           for name in SETS},
         "parameters": {name: estimate(float(x), float(low), float(high)) for name, x, (low, high) in pairs},
         "base_parameters": {base.names[column]: base.group(k) for k, column in enumerate(base.kept)},
+        "base_values": {name: estimate(*told) for name, (_, *told) in _sums(result).items()},
         "dropped": [{"parameter": entry.name, "why": entry.why} for entry in result.dropped],
         "noise_Nm": {f"axis_{axis + 1}": float(s) for axis, s in zip(result.fit.axes, result.fit.sigma)},
         "bandwidth_hz": result.records["identification"].bandwidth_hz,
@@ -250,15 +252,27 @@ def _parameters(robot: Robot, result: DynamicsIdentification) -> Table:
                                result.records["identification"]).joined(inertial_layout(start, result.base))
     values = dict(zip(declared.names, declared.values))
     names = result.fit.layout.names
-    return parameter_table(names, [values.get(name, 0.0) for name in names], result.fit.fit.x,
-                           result.fit.intervals, [unit_of(name) for name in names], result.fit.fit.at_bound)
+    table = parameter_table(names, [values.get(name, 0.0) for name in names], result.fit.fit.x,
+                            result.fit.intervals, [unit_of(name) for name in names], result.fit.fit.at_bound)
+    return replace(table, note="The interval of an inertial parameter is that of the sum that it stands for "
+                   "(next table): its own share of it follows the bodies that the links are drawn to.")
+
+
+def _sums(result: DynamicsIdentification) -> dict[str, tuple[str, float, float, float]]:
+    """Estimated parameter that stands for a sum -> the sum in words, its value and interval."""
+    base, found = result.base, {}
+    estimates = dict(zip(result.fit.layout.names, zip(result.fit.fit.x, *result.fit.intervals.T)))
+    for k, name in enumerate(base.names[column] for column in base.kept):
+        if name in estimates and base.group(k) != name:
+            x, low, high = (float(value) + base.borne(k, result.robot) for value in estimates[name])
+            found[name] = base.group(k), x, low, high
+    return found
 
 
 def _groups(result: DynamicsIdentification) -> Table:
-    base = result.base
-    free = set(result.fit.layout.names)
-    sums = ((base.names[c], base.group(k)) for k, c in enumerate(base.kept) if base.names[c] in free)
-    rows = tuple((name, group) for name, group in sums if group != name)
-    return Table("What the inertial parameters stand for", ("parameter", "base parameter"), rows,
+    rows = tuple((name, words, Estimate(x, low, high, unit_of(name)))
+                 for name, (words, x, low, high) in _sums(result).items())
+    return Table("What the inertial parameters stand for", ("parameter", "base parameter", "estimate (95 %)"),
+                 rows,
                  "A motion shows these sums only; how each is shared out among its parts follows the "
                  "bodies that the links are drawn to. All other parameters stand for themselves.")

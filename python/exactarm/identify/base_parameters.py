@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from exactarm import _core
-from exactarm.effects.link_inertia import column_name
+from exactarm.effects.link_inertia import LinkInertia, column_name
 from exactarm.numerics.factors import lstsq
 from exactarm.robot.robot import Robot
 
@@ -44,6 +44,12 @@ class BaseParameters:
                 size = "" if abs(abs(factor) - 1.0) < _SHOWN else f"{round(abs(factor), _DECIMALS):.4g} "
                 text += f" {'-' if factor < 0 else '+'} {size}{self.names[column]}"
         return text
+
+    def borne(self, position: int, robot: Robot) -> float:
+        """What the other parts of the combination add to the kept column, by the tables of a robot."""
+        links = LinkInertia.of(robot, range(self.link_columns)).values
+        every = np.array([*links, *(joint.rotor_inertia or 0.0 for joint in robot.joints)])
+        return float(self.K[position] @ every[self.dropped])
 
     def bearers(self, column: int) -> tuple[str, ...]:
         """The kept parameters that bear a dropped one."""

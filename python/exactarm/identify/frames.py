@@ -21,6 +21,7 @@ from exactarm.numerics.rotation import nearest, skew
 from exactarm.robot.robot import Placement, Robot
 
 _STARTS = 12
+_HELD_RAD = 3e-3  # by which axes that are parallel on the drawing lean in a calibrated file
 _TOOL_REACH_M = 0.5  # spread of the random starts of the tool point
 _STEPS = 40
 # another end of the search that far off with such a share of the RMS is as good
@@ -63,7 +64,7 @@ def find_frames(robot: Robot, data: Dataset, layout: Layout | None = None,
     starts = np.random.default_rng(seed).normal(0.0, _TOOL_REACH_M, (_STARTS, 3))
     starts[0] = 0.0
     ends, costs = _refine(points, rotations, measured, starts)
-    tool_point = ends[np.argmin(costs)]
+    tool_point = _as_declared(ends[np.argmin(costs)], rotations, robot.tool.position)
     apart = np.linalg.norm(ends - tool_point, axis=1) > _APART_M
     as_good = ends[apart & (costs <= _AS_GOOD**2 * costs.min())]
     base, residual = procrustes(points + rotations @ tool_point, measured)
@@ -74,6 +75,15 @@ def find_frames(robot: Robot, data: Dataset, layout: Layout | None = None,
     rms = float(np.sqrt(np.mean(np.sum(residual**2, axis=1))))
     scale = _scale(points + rotations @ tool_point, measured)
     return FoundFrames(base, Placement(tool_rotation, tool_point), rms, scale, next(iter(as_good), None))
+
+
+def _as_declared(tool: np.ndarray, rotations: np.ndarray, declared: np.ndarray) -> np.ndarray:
+    """A tool point (3,) with the declared place along directions that the flange holds in all poses, as that
+    of a SCARA's quill: a shift of the tool there is one of the base, and the search ends where it began."""
+    turned = (rotations - rotations.mean(axis=0)).reshape(-1, 3)
+    squares, directions = np.linalg.eigh(turned.T @ turned)
+    held = directions[:, squares < _HELD_RAD**2 * len(rotations)]
+    return tool + (declared - tool) @ held @ held.T
 
 
 def procrustes(source: np.ndarray, target: np.ndarray) -> tuple[Placement, np.ndarray]:
