@@ -59,10 +59,8 @@ class LogSamples:
 
 
 @lru_cache(maxsize=64)
-def _butterworth(cutoff_hz: float, step: float) -> tuple[np.ndarray, np.ndarray]:
-    """Sections (s, 6), and their state (s, 2, 1) after ones without end."""
-    sections = scipy.signal.butter(ORDER, cutoff_hz, fs=1.0 / step, output="sos")
-    return sections, scipy.signal.sosfilt_zi(sections)[:, :, None]
+def _butterworth(cutoff_hz: float, step: float) -> np.ndarray:
+    return scipy.signal.butter(ORDER, cutoff_hz, fs=1.0 / step, output="sos")
 
 
 def _taps(cutoff_hz: float | None, step: float) -> np.ndarray:
@@ -76,19 +74,11 @@ def _taps(cutoff_hz: float | None, step: float) -> np.ndarray:
 
 def low_pass(values: np.ndarray, cutoff_hz: float, step: float) -> np.ndarray:
     """(N, ...) without phase; ends go on as their point reflection, far enough for the filter to die out."""
+    sections = _butterworth(cutoff_hz, step)
     pad = min(len(values) - 1, int(np.ceil(3.0 / (cutoff_hz * step))))
     flat = values.reshape(len(values), -1)
     bad = np.isnan(flat).any(axis=0)
     good = ~bad & flat.any(axis=0)  # most tangents are zero in most axes
     out = np.where(bad, np.nan, np.zeros_like(flat))
-    within = flat[:, good]
-    before, after = 2.0 * within[0] - within[pad:0:-1], 2.0 * within[-1] - within[-2 : -pad - 2 : -1]
-    there = _filtered(np.concatenate([before, within, after]), cutoff_hz, step)
-    out[:, good] = _filtered(there[::-1], cutoff_hz, step)[::-1][pad : pad + len(within)]
+    out[:, good] = scipy.signal.sosfiltfilt(sections, flat[:, good], axis=0, padtype="odd", padlen=pad)
     return out.reshape(values.shape)
-
-
-def _filtered(values: np.ndarray, cutoff_hz: float, step: float) -> np.ndarray:
-    """(N, k) forward in time, as if the first value had lasted for ever."""
-    sections, rest = _butterworth(cutoff_hz, step)
-    return scipy.signal.sosfilt(sections, values, axis=0, zi=rest * values[0])[0]
