@@ -115,12 +115,14 @@ def _without_unclear(robot: Robot, record: MotionRecord, predict: Callable[[Moti
     assumed, angle = predict(record), record.theta / np.abs(robot.ratios)
 
     def by(passages) -> np.ndarray:
-        unclear = np.zeros(len(record.data), bool)
+        unclear, directions = np.zeros(len(record.data), bool), {}
         for (duration, late), rested in product(passages, RESTED):
             direction = np.empty_like(record.direction)
             for rows in record.runs:
                 direction[rows] = direction_of_motion(record.data.time[rows], angle[rows], duration, late,
                                                       rested)
+            directions[direction.tobytes()] = direction  # alike where no axis rests
+        for direction in directions.values():
             other = predict(replace(record, direction=direction))
             unclear |= np.any(np.abs(other - assumed) > SHARE * noise, axis=1)
         return unclear
