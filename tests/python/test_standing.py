@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from exactarm.commands.diagnose import _objected
 from exactarm.diagnose import standing
 from exactarm.diagnose.selected import Accepted, Selection
 from exactarm.diagnose.standing import Judged
@@ -65,3 +66,9 @@ def test_what_an_unknown_function_outdoes_stays_while_held_out_rows_speak_for_it
     assert made.uncontradicted(PROBLEM, DECLARED) == (made, None, ())
     against = judged({"ab": [0.9, 0.2], "a": [0.9]}, gain=-0.1, share=0.2)
     assert [each.effect.name for each in against.uncontradicted(PROBLEM, DECLARED)[2]] == ["b"]
+
+
+def test_rows_that_have_objected_are_said_to_have_chosen(judged):
+    dropped = judged({"ab": [0.9, 0.2], "a": [0.9]}).uncontradicted(PROBLEM, DECLARED)[2]
+    assert "took b of axis 1 out of the model" in _objected(SimpleNamespace(dropped=dropped))
+    assert _objected(SimpleNamespace(dropped=())) is None

@@ -103,8 +103,8 @@ def diagnose(robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, thread
         results.append(result)
         doubts = result.problem.doubts(result.selection.fits[-1])
         warnings += [line for line in (*told, *found, *doubts) if line not in warnings]
-    warnings += dict.fromkeys(line for each in results for line in (_mounted_otherwise(each), _doubted(each))
-                              if line is not None)
+    lines = (line for each in results for line in (_mounted_otherwise(each), _doubted(each), _objected(each)))
+    warnings += dict.fromkeys(line for line in lines if line is not None)
     first = results[0]
     also: dict[str, Any] = {"also": [_json(other) for other in results[1:]]} if len(results) > 1 else {}
     also |= {"skipped": skipped} if skipped else {}
@@ -145,6 +145,15 @@ def _doubted(result: Diagnosis) -> str | None:
         return None
     return (f"robot.toml holds {', '.join(dict.fromkeys(refuted))} although it is less likely than not: it "
             "tells what was measured here, elsewhere it may be wrong; do not correct programs by it")
+
+
+def _objected(result: Diagnosis) -> str | None:
+    """In words: what rows that were not fitted took out, and that their error has seen it."""
+    if not result.dropped:
+        return None
+    titles = ", ".join(dict.fromkeys(each.effect.title for each in result.dropped))
+    return (f"rows that were not fitted took {titles} out of the model: the error that they show has seen "
+            "this choice; new ones judge without it (exactarm evaluate)")
 
 
 def _json(result: Diagnosis) -> dict[str, Any]:

@@ -288,4 +288,5 @@ def _error_figures(result: Diagnosis, name: str, row: str) -> tuple:
                                      for s in sets])
     order = f" The fitted {row}s stand first." if len(sets) > 1 else ""
     order += _NOT_DRAWN if _outliers(result) else ""
-    return error_figures(before[used], after[used], identification[used], result.unit, name, row, order)
+    part = "fit" if result.dropped else "fit or choice"
+    return error_figures(before[used], after[used], identification[used], result.unit, name, row, order, part)

@@ -41,8 +41,9 @@ def highlights(before: Mapping[str, ErrorSummary], after: Mapping[str, ErrorSumm
 
 
 def error_figures(before: np.ndarray, after: np.ndarray, identification: np.ndarray, unit: str, name: str,
-                  row: str, order: str = "") -> tuple[Figure, Figure]:
-    """Error of every row, and its histogram on the rows that were never fitted; order: of the rows, said."""
+                  row: str, order: str = "", part: str = "fit or choice") -> tuple[Figure, Figure]:
+    """Error of every row, and its histogram on the rows that were never fitted; order: of the rows, said;
+    part: in what the rows that judge took none."""
     validation = ~identification
     shown = validation if validation.any() else np.ones(len(before), bool)
     which = f"{'validation' if validation.any() else 'identification'} {row}s"
@@ -50,7 +51,7 @@ def error_figures(before: np.ndarray, after: np.ndarray, identification: np.ndar
     return (
         figure_of_panel("error_per_row", f"{name.capitalize()} of every {row}",
                         partial(error_per_pose, before, after, validation, unit, name=name, row=row), 3.6,
-                        f"Validation {row}s are marked: they took no part in any fit or choice.{order}",
+                        f"Validation {row}s are marked: they took no part in any {part}.{order}",
                         f"{name} before and after against the {row} number"),
         figure_of_panel("error_histogram", f"Distribution of the {name}",
                         partial(error_histogram, before[shown], after[shown], unit, name=name, of=which), 3.0,

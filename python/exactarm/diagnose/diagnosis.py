@@ -143,7 +143,8 @@ class Diagnosis:
 
 def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: int = 1,
              progress: Progress = lambda text: None) -> Diagnosis:
-    """Finds what the model of `robot` lacks on `data` (of one kind); validation rows choose nothing."""
+    """Finds what the model of `robot` lacks on `data` (of one kind); validation rows choose nothing, they may
+    only object (standing.py)."""
     identification = data.split(seed)
     train, held_out = data.select(identification), data.select(~identification)
     problem = problem_for(robot, train, held_out, threads, seed)
