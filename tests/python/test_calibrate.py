@@ -262,6 +262,7 @@ def test_command_writes_intervals_and_both_errors(arm, tmp_path, capsys):
 
 @pytest.mark.parametrize("compliance, told", [(None, True), ("1,2,3,4,5,6", False)])
 def test_declared_springs_that_are_held_are_told(tmp_path, capsys, compliance, told):
+    """Words alone: nothing hangs on the seed."""
     made = str(tmp_path / "made")
     assert cli.main(["simulate", "racer-7-1.4", "--count", "40", "--seed", "2", "--out", made]) == 0
     more = () if compliance is None else ("--compliance", compliance)

@@ -97,6 +97,7 @@ def test_an_axis_at_rest_passes_as_it_moves_on(rigid, monkeypatch):
         keep = motion_clear_of_reversals(rigid, record, data).keep
         residual = predict_motion(rigid, Layout((), ()), record, tangents=False).residual()[keep]
         left[rested] = np.max(np.abs(residual), axis=0) / np.median(np.abs(residual), axis=0)
+    # the largest of 3,000 normal numbers is 5.3 medians, and seldom 7; what a passage leaves here was 55
     assert np.all(left[passage.RESTED] < 8.0) and left[(0.5,)].max() > 20.0
 
 
