@@ -53,8 +53,13 @@ def test_a_cause_that_held_out_rows_contradict_is_said_last_and_advised_against(
     before = {name: summarise(2.0 * np.ones(20)) for name in ERRORS}
     result = SimpleNamespace(
         findings=(doubtful, sure), before=before, after=ERRORS, verdict=EXPLAINED, kind="poses", drafts=(),
-        next_experiment=None, noise=NoiseFloor(1.0, "as the test says", True), converged=True)
+        next_experiment=None, noise=NoiseFloor(1.0, "as the test says", True), converged=True,
+        dropped=(doubtful,))
     (text,) = _next(six_axis(), result, found)
     advice = " ".join(text.paragraphs)
+    assert "Keep your robot file" not in advice  # this one holds what was found
+    only = SimpleNamespace(**vars(result) | {"findings": ()})
+    (text,) = _next(six_axis(), only, [])
+    assert text.paragraphs[0].startswith("Keep your robot file")
     assert "make up for a motor that turns another axis too." in advice
     assert "also holds gear ratio of axis 2, less likely than not" in advice

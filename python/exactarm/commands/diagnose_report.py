@@ -163,7 +163,7 @@ def _next(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contributi
                         f"{in_words(corrected)}." if robot.has_geometry else
                         f"; it holds {in_words(corrected)}. To correct programs with them it needs the arm's "
                         "geometry too."))
-    elif result.dropped:
+    elif result.dropped and not found:
         lines.append("Keep your robot file: `robot.toml` of this folder is the same with its own parameters "
                      "estimated again, and holds nothing that rows contradict which were not fitted.")
     elif result.verdict == NOTHING and robot.has_geometry:

@@ -149,7 +149,7 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
     judged = "validation" if after["validation"].n else "identification"
     if findings or dropped:
         stood, refuted = stood_and_refuted(findings)
-        asked = [*refuted, *dropped]
+        asked = refuted or dropped  # what is not in the model stands in a sentence of its own
         named = [f.effect.title for f in stood]
         fall = 1.0 - after[judged].rms / before[judged].rms
         it = "it" if len(named or asked) == 1 else "them"
@@ -158,14 +158,14 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
         lacks = "The model lacks" if named else "The fitted rows ask for"
         found = _listed(named or [f.effect.title for f in asked])
         text = f"{lacks} {found}; with {it} the {judged} RMS error {falls}."
-        text += beside(refuted, dropped) if named else ""
+        text += beside(refuted if named else (), dropped if findings else ())
         doubtful = [a for a in alternatives if a.collides]
         if doubtful:
             a = doubtful[0]
             own = next(f.effect for f in findings if f.effect.label == a.instead_of)
             text += f" This data cannot tell {own.title} from {a.effect.title}."
         if gain < AGAINST or not named:
-            likelier = [str(f.likelier) for f in asked if f.likelier]
+            likelier = [str(f.likelier) for f in (*refuted, *dropped) if f.likelier]
             return text + (outdone(likelier) if likelier and gain >= AGAINST
                            else spoken_against(len(stood or asked)))
         if verdict == UNEXPLAINED:
