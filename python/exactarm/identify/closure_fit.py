@@ -38,7 +38,7 @@ _LEAST_SIGMA, _LARGEST_SIGMA = 1e-9, 1e3
 _EXACT = 1e-30  # of the noise: rows that their own unknowns explain to the last digit
 # of every sort before any data, m or rad: from 0.014 to 0.7 mm (95 %), as seats, styli and trackers are
 _USUAL_SIGMA, _USUAL_SPREAD = 1e-4, 1.0  # median, standard deviation of the logarithm
-_ROUNDS, _SETTLED = 60, 2e-4
+_ROUNDS, _SETTLED, _ALIKE = 60, 2e-4, 1e-5
 _INNER_STEPS = 12
 # of the weighted square sum: a further step would gain less, a tenth of a standard deviation
 _DECREMENT = 1e-2
@@ -189,12 +189,14 @@ def expected_deviations(robot: Robot, layout: Layout, data: Dataset, sigma: floa
 
 
 def _inner(robot, layout, data, pulls, prediction, scale, bounds, threads, tolerance) -> Fit:
-    """Weighted least squares at fixed weights and variances."""
+    """Weighted least squares at fixed weights and variances, and fixed axes of the pictures: as these turn,
+    the square sum has no slope that the Jacobian tells."""
     numbers = prediction.residual.size
 
     def evaluate(x: np.ndarray, with_jacobian: bool) -> Evaluation:
         at = layout.at(x)
-        now = predict_closures(robot, at, data, tangents=with_jacobian, threads=threads)
+        now = predict_closures(robot, at, data, tangents=with_jacobian, threads=threads,
+                               pictures=prediction.pictures)
         pull, tail = pulls.rows(at)
         residual = np.concatenate([now.residual.ravel(), tail])
         if not with_jacobian:
@@ -230,24 +232,32 @@ def _first_noise(data: Dataset, prediction: ClosurePrediction) -> Noise:
 
 
 def _estimated_noise(data, prediction: ClosurePrediction, sigma, keep, worth, pull) -> Noise:
-    """Scale of each class: weighted square sum over its redundancy (numbers less leverage)."""
+    """Scale of each class: weighted square sum over its redundancy (numbers less leverage). Weights and scales
+    settle on each other here, at the cost of no prediction."""
     used, device = prediction.used & (keep > 0)[:, None], noise_classes(data)
-    white = prediction.residual / sigma
-    weight = np.sqrt(worth) * _tail_weights(white, prediction.used)
-    leverage = _leverage(prediction, weight[:, None] * used / sigma, pull)
+    weights = lambda sigma: np.sqrt(worth) * _tail_weights(prediction.residual / sigma, prediction.used)
+    leverage = _leverage(prediction, weights(sigma)[:, None] * used / sigma, pull)
     pairs = prediction.pairs
     alone = np.where(pairs >= 0,
                      1.0 - 1.0 / np.maximum(np.bincount(pairs[pairs >= 0], minlength=1)[pairs], 1), 1.0)
-    found = {}
+    numbers = (worth * alone)[:, None] - leverage
+    blocks = {}
     for k, part in enumerate(_parts(used)):
         for name in np.unique(device):
             block = np.zeros_like(used)
             block[device == name, 3 * k : 3 * k + 3] = True
-            block &= used
-            if block.any():
-                square = np.sum(((weight[:, None] * prediction.residual)[block]) ** 2)
-                redundancy = float(((worth * alone)[:, None] * block).sum() - leverage[block].sum())
-                found[name, part] = _likeliest_sigma(float(square), redundancy)
+            if (block := block & used).any():
+                blocks[name, part] = block
+    found: dict[tuple[str, str], float] = {}
+    for _ in range(_ROUNDS):
+        squares = (weights(sigma)[:, None] * prediction.residual) ** 2
+        before, sigma = found, sigma.copy()
+        found = {key: _likeliest_sigma(float(squares[block].sum()), float(numbers[block].sum()))
+                 for key, block in blocks.items()}
+        for key, block in blocks.items():
+            sigma[block] = found[key]
+        if all(abs(found[key] / before.get(key, np.inf) - 1.0) < _ALIKE for key in found):
+            break
     return Noise(found)
 
 

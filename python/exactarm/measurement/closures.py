@@ -192,10 +192,11 @@ def _passed(by_target: np.ndarray, pairs: np.ndarray, pictures: Pictures,
 
 
 def predict_closures(
-    robot: Robot, layout: Layout, data: Dataset, *, tangents: bool = True, threads: int = 1
+    robot: Robot, layout: Layout, data: Dataset, *, tangents: bool = True, threads: int = 1,
+    pictures: Pictures | None = None
 ) -> ClosurePrediction:
     """Prediction of every row of `data` (one device a row, see `touches`) with effects and contacts of
-    `layout`."""
+    `layout`; pictures: with their axes held, absent: in those of this layout."""
     chain = predict_poses(robot, layout, data, tangents=tangents, threads=threads)
     view, device, pairs = chain.view, device_of(data), pair_numbers(data)
     oriented = (device == PAIR) | ((device == TRACKER) & (data.rotation is not None))
@@ -218,7 +219,7 @@ def predict_closures(
     if m == 6:
         residual[:, 3:], used[:, 3:] = _turns(chain.rotation, data, pairs, device), oriented[:, None]
         by_target[~oriented, 3:] = 0.0
-    pictures = Pictures.of(layout, view)
+    pictures = pictures or Pictures.of(layout, view)
     residual = pictures.turned(cleared_of_pairs(np.where(used, residual, 0.0), pairs))
     jacobian = None
     if chain.jacobian is not None:

@@ -6,8 +6,8 @@ numbers that are independent.
 An orthogonal change of axes in each picture: the first six numbers hold all that an error of the arm does to
 it (across and down; about the view and along it; about the other two axes), the other 2K - 6 only what corner
 detection and lens do. Each of these four classes has a standard deviation of its own; without it, forty
-corners would count as forty poses. Q is taken at the present estimate, and its derivative is left out: the
-residual over the distance, 1e-4 of what is kept.
+corners would count as forty poses. Q is taken at the present estimate; a fit holds it until its weights are
+found anew.
 """
 
 from __future__ import annotations
