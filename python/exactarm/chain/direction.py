@@ -16,15 +16,16 @@ motor angle jumps.
     An axis that never moves has the direction 0: the mean of both tables.
 """
 
+from collections.abc import Callable
+from functools import cache
+
 import numpy as np
-from scipy.interpolate import BSpline
+import scipy  # scipy.interpolate is imported at its first use
 
 from exactarm.data.rows import LEAST_TURN_RAD
 
 TRANSITION_S = 0.05  # what a passage asks of the motor stays below about 50 Hz
 _DEGREE = 5
-_KERNEL = BSpline.basis_element(np.linspace(-0.5, 0.5, _DEGREE + 2), extrapolate=False)
-_STEP = BSpline.construct_fast(_KERNEL.t, _KERNEL.c, _KERNEL.k).antiderivative()
 
 
 def direction_of_motion(time: np.ndarray, angle: np.ndarray, passage_s: float | None = None,
@@ -92,8 +93,15 @@ def eased(values: np.ndarray, step: float) -> np.ndarray:
 
 def _passed(s: np.ndarray) -> np.ndarray:
     """C(s): 0 before the passage, 1 behind it."""
-    inside = _STEP(np.clip(s, -0.5, 0.5))
-    return (inside - _STEP(-0.5)) / (_STEP(0.5) - _STEP(-0.5))
+    step = _step()
+    return (step(np.clip(s, -0.5, 0.5)) - step(-0.5)) / (step(0.5) - step(-0.5))
+
+
+@cache
+def _step() -> Callable[[np.ndarray | float], np.ndarray]:
+    spline = scipy.interpolate.BSpline
+    kernel = spline.basis_element(np.linspace(-0.5, 0.5, _DEGREE + 2), extrapolate=False)
+    return spline.construct_fast(kernel.t, kernel.c, kernel.k).antiderivative()
 
 
 def _rest(time: np.ndarray, angle: np.ndarray, start: int, k: int, end: int,

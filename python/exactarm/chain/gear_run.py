@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from scipy import ndimage
+import scipy  # scipy.ndimage is imported at its first use
 
 from exactarm import _core
 from exactarm.chain.gear import declared_output_angle
@@ -165,7 +165,7 @@ def _measured_load(view: View) -> np.ndarray:
     for rows in view.runs:
         time = view.data.time[rows]
         width = 1 + 2 * int(round(_SPIKE_S / typical_step(time)))
-        plain = ndimage.median_filter(torque[rows], size=(width, 1), mode="nearest")
+        plain = scipy.ndimage.median_filter(torque[rows], size=(width, 1), mode="nearest")
         torque[rows] = gaussian_filter(plain, time, _TORQUE_CUTOFF_HZ)
         sign = smooth_sign(view.signals["theta_dot"][rows] / view.robot.ratios)
         view.signals["friction_sign"][rows] = gaussian_filter(sign, time, _TORQUE_CUTOFF_HZ)

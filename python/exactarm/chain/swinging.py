@@ -13,7 +13,7 @@ samples are worth keeping.
 """
 
 import numpy as np
-from scipy import ndimage
+import scipy  # scipy.ndimage is imported at its first use
 
 from exactarm import _core
 from exactarm.numerics.factors import pinv
@@ -55,7 +55,7 @@ def widened(mask: np.ndarray, time: np.ndarray, reach_s: float) -> np.ndarray:
     if not mask.any():
         return mask
     reach = max(1, int(np.ceil(reach_s / typical_step(time))))
-    return ndimage.maximum_filter1d(mask.astype(np.uint8), 2 * reach + 1, mode="constant") > 0
+    return scipy.ndimage.maximum_filter1d(mask.astype(np.uint8), 2 * reach + 1, mode="constant") > 0
 
 
 def follows_quietly(gyro, predicted, bending, time, runs, swinging, usable) -> bool:

@@ -8,9 +8,7 @@ identification.
 """
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
+import scipy  # what is asked of it here takes 0.1 s to import, and is at its first use
 
 from exactarm.data.kinds import kind_of
 from exactarm.data.rows import Rows
@@ -26,7 +24,7 @@ def pose_groups(dataset: Rows) -> np.ndarray:
                         if name in dataset.joints])
     span = np.ptp(angles, axis=0)
     distinct, groups = np.unique(angles / np.where(span > 0.0, span, 1.0), axis=0, return_inverse=True)
-    near = cKDTree(distinct).query_pairs(SAME_POSE, p=np.inf, output_type="ndarray")
+    near = scipy.spatial.cKDTree(distinct).query_pairs(SAME_POSE, p=np.inf, output_type="ndarray")
     pairs = [near]
     count = len(distinct)
     if dataset.visit is not None:
@@ -40,8 +38,9 @@ def pose_groups(dataset: Rows) -> np.ndarray:
         pairs.append(np.stack([groups.ravel()[rows], count + numbers.ravel()], axis=1))
         count += numbers.max(initial=-1) + 1
     links = np.concatenate(pairs)
-    graph = coo_array((np.ones(len(links), dtype=bool), (links[:, 0], links[:, 1])), shape=(count, count))
-    _, labels = connected_components(graph, directed=False)
+    joined = np.ones(len(links), dtype=bool)
+    graph = scipy.sparse.coo_array((joined, (links[:, 0], links[:, 1])), shape=(count, count))
+    _, labels = scipy.sparse.csgraph.connected_components(graph, directed=False)
     return np.unique(labels[groups.ravel()], return_inverse=True)[1]
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
+import scipy  # scipy.spatial is imported at its first use
 
 from exactarm.data.kinds import kind_of
 from exactarm.diagnose.fitted import Fitted
@@ -60,7 +60,7 @@ def neighbour_noise(problem: Problem, fitted: Fitted) -> float | None:
     if not kind_of(problem.kind).target_at_rest:
         return None
     keys = np.column_stack([fitted.view.q, 10.0 * problem.data.session])
-    distance, index = cKDTree(keys).query(keys, k=2)
+    distance, index = scipy.spatial.cKDTree(keys).query(keys, k=2)
     close = (distance[:, 1] > 1e-9) & (distance[:, 1] < _CLOSE_RAD)
     if close.sum() < _LEAST_PAIRS:
         return None

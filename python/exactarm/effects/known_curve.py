@@ -21,7 +21,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
+import scipy  # scipy.interpolate is imported at its first use
 
 POINTS = 120  # every 3 degrees: waves of order 40 are 9 degrees long
 _WRAPPED = 3  # grid points repeated at either end of the turn
@@ -64,11 +64,11 @@ class KnownCurve:
         return known
 
     @cached_property
-    def _weight(self) -> PchipInterpolator:
+    def _weight(self) -> scipy.interpolate.PchipInterpolator:
         weight = np.clip(1.0 - (np.asarray(self.sd) / self.prior) ** 2, 0.0, 1.0)
         places = _TURN * np.arange(-_WRAPPED, len(weight) + _WRAPPED) / len(weight)
-        return PchipInterpolator(places, np.take(weight, range(-_WRAPPED, len(weight) + _WRAPPED),
-        mode="wrap"))
+        around = np.take(weight, range(-_WRAPPED, len(weight) + _WRAPPED), mode="wrap")
+        return scipy.interpolate.PchipInterpolator(places, around)
 
     def weight(self, angle: np.ndarray) -> np.ndarray:
         """w (N,)."""

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy  # scipy.interpolate is imported at its first use
 
 from exactarm.data.kinds import IN_TIME
 from exactarm.effects.base import Change, Effect, Parameter, Station
@@ -37,7 +37,7 @@ class TimeDelay(Effect):
             if rows.size < 4:
                 continue
             time = view.data.time[rows]
-            spline = CubicSpline(time, view.theta[np.ix_(rows, columns)])
+            spline = scipy.interpolate.CubicSpline(time, view.theta[np.ix_(rows, columns)])
             late = time - self.values[0]
             inside = np.clip(late, time[0], time[-1])
             slope = spline(inside, 1)

@@ -12,7 +12,7 @@ from functools import cache, partial
 from itertools import combinations
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+import scipy  # scipy.optimize is imported at its first use
 
 from exactarm import _core
 from exactarm.chain.motion_record import default_bandwidth
@@ -210,7 +210,8 @@ def _other_clock(model: Model, samples: MotionSamples, now: Explained) -> Iterat
             continue
         near = min(grid, key=left)
         around = sorted((0.3 * near, np.sign(near) * min(2.0 * abs(near), most / shape.max())))
-        best = float(minimize_scalar(left, bounds=around, method="bounded", options={"maxiter": _REFINED}).x)
+        best = float(scipy.optimize.minimize_scalar(left, bounds=around, method="bounded",
+                                                    options={"maxiter": _REFINED}).x)
         best = min(near, best, key=left)
         if abs(best * shape.max()) < _LAGS_S[0]:
             continue
@@ -237,8 +238,8 @@ def _scaled_time(model: Model, samples: MotionSamples, now: Explained) -> Iterat
 
     left = lambda k: float(np.prod(at(k).shares))
     near = min(_TIMES, key=left)
-    best = float(minimize_scalar(left, bounds=(0.7 * near, 1.4 * near), method="bounded",
-                                 options={"maxiter": _REFINED}).x)
+    best = float(scipy.optimize.minimize_scalar(left, bounds=(0.7 * near, 1.4 * near), method="bounded",
+                                                options={"maxiter": _REFINED}).x)
     times, way = max(best, 1.0 / best), "shorter" if best > 1.0 else "longer"
     if times >= _LEAST_TIME and (better := fall(now, at(best))):
         yield left(best), Suspicion(f"all times {times:.2g} times {way}", better)

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+import scipy  # scipy.optimize is imported at its first use
 
 from exactarm.chain import Layout, predict_poses
 from exactarm.data.dataset import Dataset
@@ -191,8 +191,9 @@ def _another_clock(bare: Robot, carried: Layout, data: Dataset, now: Misfit,
     for k in np.argsort(least):  # no clock leaves less than what any frames do
         if least[k] < ROUNDED * lowest and (found := left(_CLOCKS[k])) < lowest:
             lowest, factor = found, _CLOCKS[k]
-    best = minimize_scalar(left, bounds=(factor / _CLOCK_STEP, factor * _CLOCK_STEP), method="bounded",
-                           options={"maxiter": 40, "xatol": 1e-5})
+    around = (factor / _CLOCK_STEP, factor * _CLOCK_STEP)
+    best = scipy.optimize.minimize_scalar(left, bounds=around, method="bounded",
+                                          options={"maxiter": 40, "xatol": 1e-5})
     fall = now.position / max(float(best.fun), 1e-12)
     longest = max(float(np.ptp(data.time[data.run == run])) for run in np.unique(data.run))
     if fall >= FALL and abs(float(best.x) - 1.0) * longest > _CLOCK_GAP_S:
@@ -231,8 +232,8 @@ def _best_of_axes(bare: Robot, carried: Layout, data: Dataset, now: Misfit, grid
     around = np.sort(grid)
     place = int(np.searchsorted(around, size))
     ends = around[max(place - 1, 0)], around[min(place + 1, len(around) - 1)]
-    best = minimize_scalar(lambda value: -falls([(axis, value)])[0],
-                           bounds=ends, method="bounded", options={"maxiter": 40, "xatol": 1e-5})
+    best = scipy.optimize.minimize_scalar(lambda value: -falls([(axis, value)])[0], bounds=ends,
+                                          method="bounded", options={"maxiter": 40, "xatol": 1e-5})
     return -float(best.fun), axis, float(best.x)
 
 

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from scipy import optimize
+import scipy  # scipy.optimize is imported at its first use
 
 from exactarm import _core
 from exactarm.data.dataset import Dataset
@@ -47,7 +47,7 @@ def ratio_mistakes(robot: Robot, data: Dataset) -> Iterator[Suspicion]:
     moving = np.flatnonzero(np.ptp(samples.motion.q, axis=0) > _LEAST_OFF)
     tried = {(axis, scale): np.log(left(axis, scale)).sum() for axis in moving for scale in SCALES}
     axis, start = min(tried, key=lambda key: tried[key], default=(0, 1.0))
-    found = optimize.minimize_scalar(lambda x: np.log(left(axis, np.exp(x))).sum(), method="bounded",
+    found = scipy.optimize.minimize_scalar(lambda x: np.log(left(axis, np.exp(x))).sum(), method="bounded",
                                      bounds=np.log(start) + np.array([-_REFINED, _REFINED]),
                                      options={"xatol": 2e-3})
     scale = float(np.exp(found.x))

@@ -19,7 +19,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy import linalg, optimize
+import scipy  # scipy.optimize is imported at its first use
+from scipy import linalg
 
 from exactarm.chain import Layout
 from exactarm.data.dataset import Dataset
@@ -232,8 +233,8 @@ def _first_noise(data: Dataset, prediction: ClosurePrediction) -> Noise:
 
 
 def _estimated_noise(data, prediction: ClosurePrediction, sigma, keep, worth, pull) -> Noise:
-    """Scale of each class: weighted square sum over its redundancy (numbers less leverage). Weights and scales
-    settle on each other here, at the cost of no prediction."""
+    """Scale of each class: weighted square sum over its redundancy (numbers less leverage). Weights and
+    scales settle on each other here, at the cost of no prediction."""
     used, device = prediction.used & (keep > 0)[:, None], noise_classes(data)
     weights = lambda sigma: np.sqrt(worth) * _tail_weights(prediction.residual / sigma, prediction.used)
     leverage = _leverage(prediction, weights(sigma)[:, None] * used / sigma, pull)
@@ -271,7 +272,7 @@ def _likeliest_sigma(square: float, redundancy: float) -> float:
         return _LEAST_SIGMA
     if slope(high) <= 0.0:  # contacts that are missed by more than any device reads
         return _LARGEST_SIGMA
-    return float(np.exp(optimize.brentq(slope, low, high, xtol=1e-9)))
+    return float(np.exp(scipy.optimize.brentq(slope, low, high, xtol=1e-9)))
 
 
 def _leverage(prediction: ClosurePrediction, scale: np.ndarray, pull: np.ndarray) -> np.ndarray:

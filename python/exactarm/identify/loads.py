@@ -13,7 +13,7 @@ so that a compliance found under measured loads keeps its size where no torque i
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import nnls
+import scipy  # scipy.optimize is imported at its first use
 
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import kind_of
@@ -44,7 +44,7 @@ def _as_measured(robot: Robot, data: Dataset) -> Robot:
     carried = replace(load, measured=np.full_like(load.measured, np.nan)).torque(q) - parts["own"][0]
     measured = (load.measured - carried)[load.fixed]
     columns = np.stack([parts[name][0][load.fixed] for name in ("own", "tip")], axis=1)
-    (own, tip), left = nnls(columns, measured)
+    (own, tip), left = scipy.optimize.nnls(columns, measured)
     if own <= 0.0 or left**2 > (1.0 - LEAST_SHARE) * float(measured @ measured):
         return robot
     total = sum(link.mass for link in robot.links)

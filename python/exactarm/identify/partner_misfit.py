@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import least_squares
+import scipy  # scipy.optimize is imported at its first use
 
 from exactarm.chain import Layout
 from exactarm.data.dataset import Dataset
@@ -41,9 +41,9 @@ def partner_misfit(robot: Robot, carried: Layout, data: Dataset, tools: Sequence
         turn, base, ball = placed_by(last + turned @ tool, other.position, other.rotation, np.zeros(3))
         about = (last, turned, other.position, other.rotation, turn)
         start = np.concatenate([base, np.zeros(3), ball, tool])
-        found = least_squares(lambda v, about=about: distances(v, *about)[0] - declared.distance, start,
-                              lambda v, about=about: distances(v, *about)[1], loss="soft_l1",
-                              f_scale=_SOFT_M, max_nfev=_STEPS)
+        found = scipy.optimize.least_squares(
+            lambda v, about=about: distances(v, *about)[0] - declared.distance, start,
+            lambda v, about=about: distances(v, *about)[1], loss="soft_l1", f_scale=_SOFT_M, max_nfev=_STEPS)
         best = min(best, float(np.median(np.abs(found.fun))))
         if best < enough:
             break

@@ -20,7 +20,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import fft, ndimage, special
+import scipy  # scipy.ndimage is imported at its first use
+from scipy import fft, special
 
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds.base import rows_of_runs
@@ -77,7 +78,7 @@ def find_tones(data: Dataset) -> tuple[Tone, ...]:
     width, apart = _NEIGHBOURS * resolved, (_NEIGHBOURS // 2 + 2) * resolved
     if frequency.size < 2 * (apart + width):
         return ()
-    beside = ndimage.median_filter(power, (width, 1), mode="mirror")
+    beside = scipy.ndimage.median_filter(power, (width, 1), mode="mirror")
     at = np.arange(frequency.size)
     # the higher side: noise that falls with frequency is no line
     background = np.maximum(beside[np.maximum(at - apart, 0)], beside[np.minimum(at + apart, at[-1])])
@@ -139,7 +140,7 @@ def _demodulated(data: Dataset, rows: np.ndarray, frequency: float) -> np.ndarra
     time = data.time[rows]
     fast = data.gyro[rows] - gaussian_filter(data.gyro[rows], time, frequency / _SMOOTH)
     wave = np.exp(2j * np.pi * frequency * time)[:, None]
-    return ndimage.gaussian_filter1d(fast / wave, _WIDTH_S / typical_step(time), axis=0, mode="nearest",
+    return scipy.ndimage.gaussian_filter1d(fast / wave, _WIDTH_S / typical_step(time), axis=0, mode="nearest",
                                      truncate=6.0)
 
 

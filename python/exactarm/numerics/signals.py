@@ -9,8 +9,8 @@ two. A block is a stretch of one run without a gap in its time stamps.
 from __future__ import annotations
 
 import numpy as np
-import scipy  # scipy.interpolate is imported at its first use
-from scipy import fft, ndimage, sparse
+import scipy  # scipy.interpolate and scipy.ndimage are imported at their first use
+from scipy import fft, sparse
 
 from exactarm import _core
 
@@ -194,7 +194,7 @@ def _smoothed(padded: np.ndarray, width: float, reach: int, short: bool) -> np.n
     """`padded` (N, ...) under a Gaussian kernel of `width` samples that ends at `reach`: a wide one by
     Fourier transform, which wraps round at the ends, so not where the padding is `short` of the reach."""
     if short or reach < _WIDE:
-        return ndimage.gaussian_filter1d(padded, width, axis=0, mode="nearest", radius=reach)
+        return scipy.ndimage.gaussian_filter1d(padded, width, axis=0, mode="nearest", radius=reach)
     size = fft.next_fast_len(padded.shape[0], real=True)
     kernel = np.zeros(size)
     reached = np.arange(-reach, reach + 1)

@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import make_interp_spline
+import scipy  # scipy.interpolate is imported at its first use
 from scipy.spatial.transform import Rotation, RotationSpline, Slerp
 
 from exactarm.errors import InputError
@@ -111,9 +111,9 @@ class Points:
     def _spline(self, knots: np.ndarray):
         rest = [(1, np.zeros(3)), (2, np.zeros(3))]
         if self.times is None:  # the time law brings the rest; the curve itself ends without curvature
-            return make_interp_spline(knots, self.points, k=5,
+            return scipy.interpolate.make_interp_spline(knots, self.points, k=5,
                                       bc_type=([(2, np.zeros(3)), (3, np.zeros(3))],) * 2)
-        return make_interp_spline(knots, self.points, k=5, bc_type=(rest, rest))
+        return scipy.interpolate.make_interp_spline(knots, self.points, k=5, bc_type=(rest, rest))
 
 
 Curve = Line | Spiral | Points

@@ -17,7 +17,7 @@ the motors follow the plan.
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+import scipy  # scipy.interpolate is imported at its first use
 
 from exactarm.errors import InputError
 from exactarm.plan.optimal import Plan
@@ -93,7 +93,7 @@ def _krl(robot: Robot, plan: Plan) -> str:
     q, _ = sent_angles(robot, plan)
     degrees = np.degrees(q)
     kept = np.unique(np.linspace(0, len(q) - 1, min(len(q), MOST_POINTS)).round().astype(int))
-    between = CubicSpline(plan.time[kept], degrees[kept])(plan.time)
+    between = scipy.interpolate.CubicSpline(plan.time[kept], degrees[kept])(plan.time)
     off = float(np.max(np.abs(between - degrees)))
     share = np.diff(plan.time[kept]) / (plan.time[-1] - plan.time[0])
     lines = ["DEF EXACTARM_TRAJECTORY()", f"; {FOR_THE_REAL_ARM}",

@@ -21,8 +21,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # scipy.interpolate is imported at its first use
 from scipy import linalg
-from scipy.interpolate import make_interp_spline
 
 from exactarm import _core
 from exactarm.chain.spring import declared_deflection
@@ -64,7 +64,7 @@ def swing(robot: Robot, time: np.ndarray, output: np.ndarray, damping_s: float =
     if not is_elastic(robot):
         raise InputError(f"robot {robot.name}: expected a spring on every axis and link masses",
                          file=robot.file)
-    path = make_interp_spline(time, output, k=5)
+    path = scipy.interpolate.make_interp_spline(time, output, k=5)
     speed = path.derivative()
     springs = _Springs(robot, damping_s)
     start = _equilibrium(robot, output[0])

@@ -16,7 +16,7 @@ lie in a plane, and their mirror image is a turn of them.
 from __future__ import annotations
 
 import numpy as np
-from scipy import optimize
+import scipy  # scipy.optimize is imported at its first use
 
 from exactarm.first_aid.suspicion import FALL
 from exactarm.identify.frames import procrustes
@@ -39,7 +39,7 @@ def day_mistake(label: str, expected: np.ndarray, measured: np.ndarray, most: fl
     undone = {"with one sign turned or two columns exchanged (a mirror image)": measured * MIRROR}
     if any(abs(np.log(scale / factor)) < SAME_FACTOR for factor in FACTORS):
         undone[f"in another unit ({scale:.6g} times as large)"] = measured / scale
-    order = optimize.linear_sum_assignment(np.linalg.norm(expected[:, None] - measured, axis=2))[1]
+    order = scipy.optimize.linear_sum_assignment(np.linalg.norm(expected[:, None] - measured, axis=2))[1]
     undone[_in_order(order)] = measured[order]
     left_by = {words: _left(expected, points) for words, points in undone.items()}
     words, least = min(left_by.items(), key=lambda item: item[1])
