@@ -10,12 +10,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import exactarm as ea
 from exactarm.chain import gear_record
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.errors import InputError
 from exactarm.identify import gear_axis
 from exactarm.identify.gear import identify_gears
 from exactarm.robot.robot import GearTable
+from exactarm.robot_file import load_robot
 from gear_simulation import GearRuns, simulate
 from rigid_arm import rigid
 
@@ -40,6 +42,17 @@ def case(run_out_rad, turns=0.8, seed=1, runs=2):
     data = simulate(robot.with_joint(0, cw=hidden, ccw=hidden),
                     GearRuns(1, 0.6, runs, 500.0, NOISE, margin=margin, seed=seed), rest=np.zeros(6))
     return robot, hidden, replace(data, identification=np.arange(len(data)) % 400 < 300)
+
+
+def one_wave(order, travel_rad, size=1e-2):
+    """The arm, runs of axis 1 whose gear swings with one order, and a half of the runs held out."""
+    robot = rigid().with_joint(0, ratio=RATIO, cw=None, ccw=None)
+    joint = robot.joints[0]
+    hidden = GearTable(np.array([order]), np.array([size]), np.array([0.0]))
+    data = simulate(robot.with_joint(0, cw=hidden, ccw=hidden),
+                    GearRuns(1, 0.6, 4, 500.0, NOISE, margin=0.5 * (joint.q_max - joint.q_min - travel_rad)),
+                    rest=np.zeros(6))
+    return robot, replace(data, identification=data.run <= 2)
 
 
 def deviation(robot, data):
@@ -216,3 +229,51 @@ def test_disturbances_that_can_be_told_are_those_of_one_by_one(kind):
             motor = 3.0 * columns[:, 0] + 1e-3 * motor
         found = gear_axis._tellable(motor, columns)
         assert np.array_equal(found, in_steps(motor, columns)) and found.any()
+
+
+@pytest.mark.parametrize("travel_rad", [1.6, 1.8, 2.5])
+def test_an_order_of_two_periods_within_the_range_is_found(travel_rad):
+    """Its peak lies at the edge of the searched band, whose floor must not be taken from the peak itself: a
+    run-out of order 2 had come out in its place."""
+    robot, data = one_wave(9.0, travel_rad)
+    for gear in identify_gears(robot, data).gears:
+        size = np.hypot(gear.table.a, gear.table.b)
+        assert gear.table.order[np.argmax(size)] == pytest.approx(9.0, abs=0.1)
+        assert np.sum(size) < 1.05 * np.max(size) and 2.0 not in gear.table.order
+        assert gear.rest["validation"].rms < 1.3 * gear.noise
+
+
+@pytest.mark.parametrize(("order", "travel_rad"), [(5.0, 1.8), (9.0, 1.0)])
+def test_an_order_of_less_than_two_periods_is_dropped_by_name(order, travel_rad):
+    """Neighbours above it fit the error down to the noise and are far too large outside the range."""
+    robot, data = one_wave(order, travel_rad)
+    result = ea.gear(robot, data)
+    assert all(gear["harmonics"] == [] for gear in result.json["gears"])
+    assert result.json["dropped"]
+    assert all("swings less than twice" in each["why"] for each in result.json["dropped"])
+    assert any("not in the table" in text and "turn the axis further" in text
+               for text in result.json["warnings"])
+    assert abs(deviation(robot, data)) < 2.0
+
+
+def test_high_orders_stay_beside_a_wave_that_is_dropped():
+    robot, data = one_wave(5.0, 1.8)
+    joint = robot.joints[0]
+    both = GearTable(np.array([5.0, RATIO]), np.array([1e-2, 1e-2]), np.zeros(2))
+    data = simulate(robot.with_joint(0, cw=both, ccw=both),
+                    GearRuns(1, 0.6, 4, 500.0, NOISE, margin=0.5 * (joint.q_max - joint.q_min - 1.8)),
+                    rest=np.zeros(6))
+    for gear in identify_gears(robot, replace(data, identification=data.run <= 2)).gears:
+        assert gear.table.order == pytest.approx([RATIO], abs=0.5)
+        assert gear.estimate.dropped.size
+
+
+@pytest.mark.slow
+def test_a_wave_at_the_edge_is_one_order_beside_the_teeth():
+    """Of the Racer's axis 2, on 1.8 rad: whole numbers had imitated it, since they fit the teeth best."""
+    robot = load_robot("racer-7-1.4").with_joint(1, q_min=-0.5, q_max=1.5)
+    made = ea.simulate(robot, measure="gear", joint=[2],
+                       effects=["gear_harmonics joint=2 order_per_rev=9 a_1=1e-2 b_1=1e-2"])
+    for gear in identify_gears(robot, made.data).gears:
+        assert gear.table.order[0] == pytest.approx(9.0, abs=0.1) and gear.table.order[1] > 60.0
+        assert gear.rest["validation"].rms < 1.3 * gear.noise

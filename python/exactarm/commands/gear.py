@@ -21,7 +21,7 @@ from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import GEAR_RUN
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
-from exactarm.identify.gear import Gear, GearIdentification, identify_gears
+from exactarm.identify.gear import Gear, GearIdentification, identify_gears, why_dropped
 from exactarm.identify.gear_orders import METHODS
 from exactarm.progress import SILENT, Progress
 
@@ -63,6 +63,9 @@ def gear(robot: AnyRobot, data: AnyData, *, method: str = METHODS[0], seed: int 
     call = asked("gear", robot, rows, seed, {"method": method}, {"method": METHODS[0]})
     return CommandResult(
         json={"gears": [gear_json(gear) for gear in result.gears],
+              "dropped": [{"parameter": f"order {order:.6g} of gear {joint}", "why": why_dropped(estimate)}
+                          for joint, estimate in {gear.joint: gear.estimate for gear in result.gears}.items()
+                          for order in estimate.dropped],
               "method": result.method,
               "alignment": [
                   {"joint": a.joint, "direction": a.side, "alpha_rad": a.angles[0], "beta_rad": a.angles[1],

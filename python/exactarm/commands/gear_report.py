@@ -147,8 +147,9 @@ def _gear_sections(gear: Gear, error: str) -> tuple:
     title = (f"axis {gear.joint}, "
              f"{'clockwise (the motor angle falls)' if gear.side == 'cw' else 'counter-clockwise'}")
     if not gear.table.order.size:
-        return (Text(f"Gear of {title}", ("No order stands out of the noise: the constant ratio is all that "
-                                          "was found.",)),)
+        nothing = ("No order can be identified on this range" if e.dropped.size
+                   else "No order stands out of the noise")
+        return (Text(f"Gear of {title}", (f"{nothing}: the constant ratio is all that was found.",)),)
     chosen = gear.samples.side(SIDES[gear.side])
     if np.any(chosen & ~gear.samples.identification):
         chosen = chosen & ~gear.samples.identification

@@ -254,8 +254,22 @@ def _warnings(estimate: GearEstimate):
         yield (
             f"axis {joint} moves over {360.0 * longest:.0f} deg: orders closer than {1.0 / longest:.0f} per "
             "revolution cannot be told apart; the table holds on this range only")
-    if not estimate.orders.size:
+    if estimate.dropped.size:
+        several = estimate.dropped.size > 1
+        orders = ", ".join(f"{order:.3g}" for order in estimate.dropped)
+        yield (
+            f"axis {joint}: {'orders' if several else 'order'} {orders} would fit the error, but "
+            f"{'are' if several else 'is'} not in the table: {why_dropped(estimate)}; it stays in the "
+            "error, and the ratio is known by as much less: turn the axis further")
+    elif not estimate.orders.size:
         yield f"axis {joint}: no order stands out of the noise"
+
+
+def why_dropped(estimate: GearEstimate) -> str:
+    """Of orders that the range of the axis does not identify."""
+    degrees = 360.0 * max(profile.range_rev for profile in estimate.profiles.values())
+    return (f"a wave below order {estimate.lowest:.3g} swings less than twice within the {degrees:.0f} deg "
+            "of these runs, which do not tell its order")
 
 
 def _left_out(data: Dataset, record) -> Iterator[str]:

@@ -26,6 +26,8 @@ from exactarm.identify.gear_orders import (
     find_orders,
     fit_all,
     order_uncertainty,
+    reduced,
+    unidentified,
     whole_orders,
     with_run_out,
 )
@@ -47,7 +49,8 @@ _LARGEST_FACTOR = 2.0  # between the measured ratio and the declared one
 class GearEstimate:
     """ratio and its standard deviation; tables and profiles by side ("cw", "ccw"); sigma of the orders (m,).
 
-    disturbance (k,): coefficients of the samples' disturbance columns.
+    disturbance (k,): coefficients of the samples' disturbance columns; dropped: orders that were fitted
+    beside the others and that the range does not identify; lowest: the order of two periods within the range.
     """
 
     samples: GearSamples
@@ -60,6 +63,8 @@ class GearEstimate:
     tables: dict[str, Table]
     profiles: dict[str, AngleProfile]
     converged: bool
+    dropped: np.ndarray
+    lowest: float
 
     @property
     def scale(self) -> float:
@@ -131,10 +136,18 @@ def identify_axis(samples: GearSamples, method: str, first: FirstLook) -> GearEs
         settled = abs(ratio.scale - before.scale) < _RATIO_RESTS * ratio.sigma
         if turn >= _SEARCH_ROUNDS - 1 and settled:
             break
+    order_sigma, lost = order_uncertainty(sides, found), unidentified(sides, band, found)
+    dropped, sigma = found.orders[lost], ratio.open_sigma
+    if lost.any():
+        found, order_sigma, beside = reduced(sides, found, ~lost), order_sigma[~lost], ratio.scale
+        ratio, tables = _ratio(samples, fitted, dict(zip(profiles, found.tables)), beside, band[0])
+        found = replace(found, tables=tuple(tables.values()))
+        # Nothing tells how much of the ratio is the wave's: what it is with and without lies in its interval.
+        sigma = float(np.hypot(ratio.open_sigma, ratio.scale - beside))
     return GearEstimate(
-        samples, method, samples.ratio * ratio.scale, abs(samples.ratio) * ratio.open_sigma,
-        ratio.disturbance, found.orders, order_uncertainty(sides, found), dict(zip(profiles, found.tables)),
-        profiles, bool(settled))
+        samples, method, samples.ratio * ratio.scale, abs(samples.ratio) * sigma, ratio.disturbance,
+        found.orders, order_sigma, dict(zip(profiles, found.tables)), profiles, bool(settled), dropped,
+        band[0])
 
 
 def _require_like(samples: GearSamples, scale: float) -> None:

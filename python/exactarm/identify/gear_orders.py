@@ -17,8 +17,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy  # scipy.ndimage is imported at its first use
 from scipy import linalg
-from scipy.ndimage import median_filter
 from scipy.special import chdtrc, gammaincinv
 
 from exactarm.effects.gear_eccentricity import SPREAD_RAD
@@ -156,7 +156,9 @@ def find_orders(profiles: list[AngleProfile], band: tuple[float, float], method:
         whole = whole_orders(profiles, band, run_out) if whole is None else whole
         earning = _earning(profiles, whole)
         found += [settle(earning), earning, whole]
-    return min(found, key=lambda each: each.criterion)
+    best = min(found, key=lambda each: each.criterion)
+    one = _one_at_the_edge(profiles, band, best)
+    return best if one is None else min(best, settle(one), key=lambda each: each.criterion)
 
 
 def whole_orders(profiles: list[AngleProfile], band: tuple[float, float],
@@ -183,6 +185,59 @@ def _one_after_another(profiles, band, start: Found | None, coarse: bool) -> Fou
         if not coarse:
             found = _refine(profiles, found, band, rounds=1)
     return found
+
+
+def unidentified(profiles: list[AngleProfile], band: tuple[float, float], found: Found) -> np.ndarray:
+    """(m,) the orders that a wave of less than two periods within the range may have set.
+
+    What the orders at the lower edge of the band take away has its top below the edge: then the range tells
+    that there is a wave and not which, and a run-out, their neighbours and what stands in the side lobes of
+    these are parts of it.
+    """
+    chain, top = _at_the_edge(profiles, band, found)
+    return chain & (top <= band[0])
+
+
+def _at_the_edge(profiles, band, found: Found) -> tuple[np.ndarray, float]:
+    """(m,) the orders from the lower edge of the band on that side lobes may join, with the run-outs below,
+    and the order at the top of what they take away beside these; none: no order near the edge."""
+    longest, orders = longest_range(profiles), found.orders
+    low, high, apart = _LEAST_PERIODS / longest, band[0] + 1.0 / longest, _APART / longest
+    searched = ~np.isin(orders, RUN_OUT)
+    if not np.any(searched & (orders < high)):
+        return np.zeros(orders.size, bool), np.inf
+    steps = np.diff(np.maximum(orders, band[0]), prepend=band[0])
+    chain = np.logical_and.accumulate(steps < apart)
+    searched &= chain
+    if np.count_nonzero(searched) == 1:  # its fit says more than the top of its peak
+        return chain, float(orders[searched][0])
+    without = fit_all(profiles, orders[~searched])
+    count = 1 + int(np.ceil(_OVERSAMPLING * longest * (high - low)))
+    grid, power = _power(profiles, without, low, high, count)
+    return chain, _summit(grid, power, int(np.argmax(power)))
+
+
+def _one_at_the_edge(profiles, band, found: Found) -> Found | None:
+    """One order in place of several at the lower edge of the band, where the top of what they take away lies
+    in it: whole numbers may imitate a wave between them. None: nothing of the kind."""
+    chain, top = _at_the_edge(profiles, band, found)
+    several = chain & ~np.isin(found.orders, RUN_OUT)
+    if np.count_nonzero(several) < 2 or top <= band[0]:
+        return None
+    return fit_all(profiles, np.union1d(found.orders[~several], top))
+
+
+def reduced(profiles: list[AngleProfile], found: Found, kept: np.ndarray) -> Found:
+    """The orders (m,) that are kept, with the coefficients that they have beside the others."""
+    pairs = np.tile(kept, 2)
+
+    def without(profile: AngleProfile, table: Table) -> Table:
+        x = table.x[np.append(pairs, True)]
+        residual = profile.normal(table.orders[kept], x)[2]
+        return Table(table.orders[kept], table.a[kept], table.b[kept], table.level,
+                     table.covariance[np.ix_(pairs, pairs)], residual, profile.variance(residual, x.size))
+
+    return Found(found.orders[kept], tuple(map(without, profiles, found.tables)))
 
 
 def _earning(profiles, found: Found) -> Found:
@@ -218,10 +273,7 @@ def _peaks(profiles, already: Found, band, coarse: bool) -> np.ndarray:
     (low, high), orders, longest = band, already.orders, longest_range(profiles)
     per_cell = 1 if coarse else _OVERSAMPLING
     count = max(16, int(np.ceil(per_cell * longest * (high - low))))
-    power = np.zeros(count)
-    for profile, table in zip(profiles, already.tables):
-        grid, sums = profile.spectrum(table.residual, low, high, count)
-        power += np.abs(sums) ** 2 / (max(table.variance, _TINY) * profile.weight.sum())
+    grid, power = _power(profiles, already, low, high, count)
     power /= _colour(power, len(profiles), max(3, int(_NEIGHBOURHOOD * per_cell)))
     cells = sum(profile.angle.size for profile in profiles)
     nearest = np.min(np.abs(grid[:, None] - orders), axis=1) if orders.size else np.full(count, np.inf)
@@ -239,15 +291,27 @@ def _peaks(profiles, already: Found, band, coarse: bool) -> np.ndarray:
     return np.array(found)
 
 
+def _power(profiles, found: Found, low: float, high: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Orders (K,) and the power (K,) of what is left at each, summed over the profiles: of each, 1 on average
+    in white noise."""
+    power = np.zeros(count)
+    for profile, table in zip(profiles, found.tables):
+        grid, sums = profile.spectrum(table.residual, low, high, count)
+        power += np.abs(sums) ** 2 / (max(table.variance, _TINY) * profile.weight.sum())
+    return grid, power
+
+
 def _colour(power: np.ndarray, profiles: int, width: int) -> np.ndarray:
     """(K,) how far the spectrum around each order lies above white noise (median over the neighbourhood), at
     least 1.
 
-    What friction and delays leave is not white: without this, its slow part would pass for orders.
+    What friction and delays leave is not white: without this, its slow part would pass for orders. At an end
+    the neighbourhood is mirrored: the outermost cell, repeated, would take a line there for the floor.
     """
     white = gammaincinv(profiles, 0.5)
     few = max(1, width // 100)
-    floor = median_filter(power[::few], size=2 * (width // (2 * few)) + 1, mode="nearest") / white
+    around = 2 * (width // (2 * few)) + 1
+    floor = scipy.ndimage.median_filter(power[::few], size=around, mode="reflect") / white
     return np.maximum(np.interp(np.arange(power.size), np.arange(0, power.size, few), floor), 1.0)
 
 
