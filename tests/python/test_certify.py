@@ -14,7 +14,7 @@ from exactarm.data.rows import Source
 from exactarm.errors import InputError
 from exactarm.report import Highlights, printing
 from exactarm.robot.writer import write_robot
-from exactarm.verify.held_out import FRAME_POSES, choose_rows, judge, nominal_robot
+from exactarm.verify.held_out import FRAME_POSES, choose_rows, controllers_robot, judge
 from exactarm.verify.iso_9283 import LEAST_VISITS, iso_9283, repeatability
 from exactarm.verify.uncertainty import budget, mean_with_interval
 from set_ups import at_random_place, joints_in_limits, measured, true_robot
@@ -89,11 +89,28 @@ def test_before_is_the_chain_that_the_controller_works_with(arm, rng):
         ratio=82.1,
         controller_ratio=82.0,
     )
-    assert [j.a for j in nominal_robot(better).joints] == [j.a for j in arm.joints]
-    np.testing.assert_array_equal(nominal_robot(better).offsets, arm.offsets)
-    np.testing.assert_array_equal(nominal_robot(better).ratios, arm.ratios)
+    assert [j.a for j in controllers_robot(better).joints] == [j.a for j in arm.joints]
+    np.testing.assert_array_equal(controllers_robot(better).offsets, arm.offsets)
+    np.testing.assert_array_equal(controllers_robot(better).ratios, arm.ratios)
     with pytest.raises(InputError, match="expected --before"):
-        nominal_robot(replace(arm, record={"command": "calibrate"}))
+        controllers_robot(replace(arm, record={"command": "calibrate"}))
+
+
+def test_the_error_before_is_worded_as_what_it_is_and_agrees_with_calibrate(tmp_path):
+    """The springs of the file are not in what the controller calculates, and are in where `calibrate`
+    begins."""
+    ea.simulate("racer-7-1.4", count=80, deviation=1.0, seed=3).save(tmp_path)
+    rows = tmp_path / "measured.csv"
+    calibrated = ea.calibrate("racer-7-1.4", rows)
+    calibrated.save(tmp_path / "new")
+    rigid = ea.certify(tmp_path / "new" / "robot.toml", rows)
+    assert "without the springs and gear tables" in rigid["model_before"]
+    assert "nominal" not in rigid["model_before"]
+    same = ea.certify(tmp_path / "new" / "robot.toml", rows, before="racer-7-1.4")
+    assert same["model_before"] == "racer-7-1.4"
+    here, there = same["before"]["validation"]["mean"], calibrated["before"]["validation"]["mean"]
+    assert here == pytest.approx(there, rel=1e-6)
+    assert rigid["before"]["validation"]["mean"] > 1.2 * here
 
 
 # -- the measures --------------------------------------------------------------------------------------

@@ -42,7 +42,7 @@ from exactarm.numerics.signals import typical_step
 from exactarm.progress import SILENT, Progress
 from exactarm.robot.controller_frames import in_base
 from exactarm.robot.robot import Placement, Robot
-from exactarm.verify.held_out import Judged, choose_rows, judge, nominal_robot
+from exactarm.verify.held_out import Judged, choose_rows, controllers_robot, judge
 from exactarm.verify.iso_9283 import iso_9283
 from exactarm.verify.iso_orientation import iso_orientation
 from exactarm.verify.iso_path import path_tests
@@ -71,8 +71,8 @@ def certify(robot: AnyRobot, data: AnyData, *, before: AnyRobot | None = None, p
             about: str | Path | Mapping[str, Any] | None = None, seed: int = DEFAULT_SEED,
             threads: int | None = None, kind: str | None = None, progress: Progress = SILENT,
             **details: Any) -> CommandResult:
-    """Judges an identified robot on poses that were never fitted, beside the nominal one, with a budget of
-    uncertainty.
+    """Judges an identified robot on poses that were never fitted, beside what its controller calculates, with
+    a budget of uncertainty.
 
     before: another model to compare with. path: tracked motions along a path, several cycles, in the
     set-up of the poses. about: a file or mapping of what the certificate says of arm and
@@ -91,7 +91,7 @@ def certify(robot: AnyRobot, data: AnyData, *, before: AnyRobot | None = None, p
     progress.stage(READING)
     arm = robot_of(robot)
     rows = require_poses(data_of(data, arm, kind))
-    earlier = nominal_robot(arm) if before is None else robot_of(before)
+    earlier = controllers_robot(arm) if before is None else robot_of(before)
     if earlier.axes != arm.axes:
         raise InputError(
             f"--before: {earlier.axes} axes, the robot has {arm.axes}; expected a model of the same arm")

@@ -52,6 +52,22 @@ class Certified:
         return not np.allclose(self.before.residual, self.after.residual, rtol=0.0, atol=SAME_M)
 
     @property
+    def model_before(self) -> str:
+        """What the error before is one of: its name, with what the robot file has and it has not."""
+        has = lambda robot: {
+            "springs": any(joint.spring_linear is not None for joint in robot.joints),
+            "gear tables": any(joint.cw or joint.ccw for joint in robot.joints),
+            "effects": bool(robot.effects)}
+        there, here = has(self.robot), has(self.earlier)
+        absent = [name for name in there if there[name] and not here[name]]
+        if not absent:
+            return self.earlier.name
+        listed = " and ".join(filter(None, (", ".join(absent[:-1]), absent[-1])))
+        return (f"{self.earlier.name}, without the {listed} of the robot file (`calibrate` begins with those "
+                "that were declared, so its error before is another one; --before ROBOT, with the file from "
+                "before the calibration, gives that)")
+
+    @property
     def missing(self) -> dict[str, str]:
         """Measures of the standard that the rows do not allow, with the reason."""
         out = dict(self.iso.missing)
@@ -96,6 +112,7 @@ def results_of(c: Certified) -> dict[str, Any]:
     before, after = c.summaries
     return {
         "before": {"validation": before.to_json()},
+        "model_before": c.model_before,
         "after": {"validation": after.to_json()},
         "mean_error_m": {"before": estimate(*mean_with_interval(c.data, c.before.error)),
                          "after": estimate(*mean_with_interval(c.data, c.after.error))},
@@ -187,7 +204,7 @@ def certificate(c: Certified) -> Report:
           if c.missing else []),
         _budget(c.budget, c.rows.word),
         Text("What was compared",
-             (f"Before: {c.earlier.name}. After: the robot file as it is. Of both, base and tool frame alone "
+             (f"Before: {c.model_before}. After: the robot file as it is. Of both, base and tool frame alone "
               f"were fitted, with {int(c.rows.frames.sum())} rows. {c.rows.why}",)),
         figure_of_panel(
             "error_histogram", "Distribution of the position error",

@@ -72,22 +72,23 @@ class Judged:
         return np.linalg.norm(self.residual, axis=1)
 
 
-def nominal_robot(robot: Robot) -> Robot:
-    """The chain that the controller itself works with: its frames, offsets and ratios, rigid and without
-    effects."""
+def controllers_robot(robot: Robot) -> Robot:
+    """The chain that the controller itself works with: its frames, offsets and ratios, rigid, without gear
+    tables and effects, declared ones too: not the nominal model, which has what was declared."""
     require_geometry(robot)
     frames = robot.controller.frames
     if not frames and any(known["command"] in ("calibrate", "diagnose") for known in fits_on_record(robot)):
         raise InputError(
-            "the nominal frames are not on record here; expected --before ROBOT, the file from before the "
-            "calibration",
+            "the controller's frames are not on record here; expected --before ROBOT, the file from before "
+            "the calibration",
             file=robot.file,
         )
     joints = tuple(
         _bare(frame, joint, robot, i)
         for i, (frame, joint) in enumerate(zip(frames or robot.joints, robot.joints))
     )
-    return replace(robot, name=f"{robot.name}, nominal", joints=joints, effects=(), intervals={}, record={})
+    name = f"{robot.name} as its controller calculates it"
+    return replace(robot, name=name, joints=joints, effects=(), intervals={}, record={})
 
 
 def _bare(frame: Joint, joint: Joint, robot: Robot, index: int) -> Joint:
