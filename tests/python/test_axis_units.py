@@ -11,6 +11,7 @@ from exactarm.diagnose.diagnosis import Finding
 from exactarm.effects import library
 from exactarm.effects.axis_units import moves_by, of_a_slide
 from exactarm.effects.backlash import Backlash
+from exactarm.effects.joint_compliance import JointCompliance
 from exactarm.effects.joint_coupling import JointCoupling
 from exactarm.effects.joint_offset import JointOffset
 from exactarm.robot.robot import Joint, Robot
@@ -72,3 +73,18 @@ def test_the_zero_of_a_sliding_axis_is_a_length():
 def test_a_word_is_taken_as_a_whole(words, slide):
     assert of_a_slide(words) == slide
 
+
+
+@pytest.mark.parametrize(("change", "words"), [
+    (-0.8e-6, "axis 2 gives way by 3.2e-06 rad for every Nm that it carries, 8e-07 rad less than its "
+              "declared spring has it"),
+    (1e-6, "axis 2 gives way by 5e-06 rad for every Nm that it carries, 1e-06 rad more than its declared "
+           "spring has it")])
+def test_what_a_declared_spring_lacks_is_told_as_its_change(change, words):
+    """It stood there as a spring that gives way by a negative number."""
+    robot = ARM.with_joint(1, spring_linear=250e3)
+    assert JointCompliance(2, (change, 0.0)).describe_on(robot) == words
+    bare = robot.with_joint(1, spring_linear=None)
+    plain = JointCompliance(2, (1e-6, 0.0)).describe_on(bare)
+    assert plain == "axis 2 gives way by 1e-06 rad for every Nm that it carries"
+    assert "8e-07 rad less" in JointCompliance(2, (-8e-7, 0.0)).describe()

@@ -46,12 +46,34 @@ class JointCompliance(Effect):
     by_load = True
     per_load = True
     gives_way = True
-    sentence = "axis {joint} gives way by {linear_rad_per_Nm:.3g} rad for every Nm that it carries"
+    load = "that it carries"
     source = "thesis 1.1.2, (2.18), E4; Caenen and Angue 1990"
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("linear_rad_per_Nm", _PLAUSIBLE, -np.inf if self.beside_spring else 0.0),
                 Parameter("cubic_rad_per_Nm3", 1e-12, fixed=not self.cubic_free))
+
+    def describe(self) -> str:
+        if self.values[0] < 0.0:
+            return (f"axis {self.joint} gives way by {-self.values[0]:.3g} rad less for every Nm {self.load} "
+                    f"than its declared spring has it{self._as_guessed}")
+        return (f"axis {self.joint} gives way by {self.values[0]:.3g} rad for every Nm {self.load}"
+                f"{self._as_guessed}")
+
+    def describe_on(self, robot) -> str:
+        """Beside a declared spring, what is missing is a change of it."""
+        stiffness = robot.joints[self.index].spring_linear
+        if not stiffness:
+            return super().describe_on(robot)
+        change = self.values[0]
+        return self.in_units_of(robot, (
+            f"axis {self.joint} gives way by {1.0 / stiffness + change:.3g} rad for every Nm {self.load}, "
+            f"{abs(change):.3g} rad {'less' if change < 0.0 else 'more'} than its declared spring has it"
+            f"{self._as_guessed}"))
+
+    @property
+    def _as_guessed(self) -> str:
+        return ""
 
     def possible(self, robot, deviation) -> bool:
         stiffness = robot.joints[self.index].spring_linear
@@ -99,7 +121,7 @@ class RelativeCompliance(JointCompliance):
     links: tuple[int, int] | None = None
 
     kinds = WITH_TARGET
-    sentence = "axis {joint} gives way by {linear_rad_per_Nm:.3g} rad for every Nm of its load"
+    load = "of its load"
 
     def parameters(self) -> tuple[Parameter, ...]:
         linear = abs(self.values[0]) if self.values else 0.0
@@ -114,8 +136,9 @@ class RelativeCompliance(JointCompliance):
         """Beside payloads that are known, sizes are those of a known weight."""
         return super().per_guessed_load(view) & (not self.own_free)
 
-    def describe(self) -> str:
-        return super().describe() + ("" if self.own_free else ", as a generic distribution of masses has it")
+    @property
+    def _as_guessed(self) -> str:
+        return "" if self.own_free else ", as a generic distribution of masses has it"
 
     def change(self, view) -> Change:
         linear, tip, own, *shares = self.values
