@@ -106,6 +106,7 @@ def gear_json(gear: Gear) -> dict[str, Any]:
         "after": {name: summary.to_json() for name, summary in gear.after.items()},
         "declared": {name: summary.to_json() for name, summary in gear.declared.items()},
         "rest": {name: summary.to_json() for name, summary in gear.rest.items()},
+        "unfiltered": {name: summary.to_json() for name, summary in gear.unfiltered.items()},
         "noise": gear.noise,
         "cutoff_hz": gear.cutoff_hz,
         "disturbances": dict(zip(gear.samples.disturbance_names, gear.estimate.disturbance.tolist()))}

@@ -27,10 +27,14 @@ def gear_report(robot: Robot, result: GearIdentification, rule: str) -> Report:
     before, after, declared = (_pooled(result.gears, name, judge) for name in ("before", "after", "declared"))
     unit = result.gears[0].unit
     error = "transmission error" if unit == "rad" else "kinematic error"
-    verdict = (f"The {error} on runs that were "
+    filtered = any(gear.cutoff_hz for gear in result.gears)
+    verdict = (f"The {error}{', behind a low-pass,' if filtered else ''} on runs that were "
                f"{'never fitted' if judge == 'validation' else 'fitted (none was held out)'} "
                f"{change(before, after, unit)} RMS{_as_declared(before, declared, unit)}; "
                f"{_noise_sentence(result.gears)}.")
+    if filtered:
+        plain = _pooled(result.gears, "unfiltered", judge)
+        verdict += f" Without the low-pass, as `evaluate` has it, {quantity(plain, unit)} are left."
     fall = after < ENOUGH_FALL * before
     sections = (Highlights((Highlight(f"{judge}, RMS", Quantity(after, unit), Quantity(before, unit)),)),
                 next_steps(robot, GEAR_RUN, declared, after),
@@ -65,12 +69,14 @@ def _error_table(gears, error: str, rule: str) -> Table:
                 fall = f"{fixed(100.0 * (1.0 - after.rms / before.rms), 0)} %"
                 numbers = (Quantity(before.rms, gear.unit), Quantity(after.rms, gear.unit), fall)
                 rows.append((f"{gear.joint} {gear.side}", name, before.n, *numbers,
-                             Quantity(gear.noise, gear.unit), Quantity(gear.declared[name].rms, gear.unit)))
+                             Quantity(gear.noise, gear.unit), Quantity(gear.declared[name].rms, gear.unit),
+                             *([Quantity(gear.unfiltered[name].rms, gear.unit)] if gear.cutoff_hz else [])))
     cutoffs = sorted({f"{gear.cutoff_hz:.0f} Hz" for gear in gears if gear.cutoff_hz})
     filtered = (f" Both sides filtered alike, -3 dB at {', '.join(cutoffs)}."
                 if cutoffs else " One offset for each run taken out.")
     note = f"RMS. Before: the constant ratio that was identified.{filtered} {rule}"
-    header = ("gear", "set", "rows", "before", "after", "fall", "noise", "as the file has it")
+    header = ("gear", "set", "rows", "before", "after", "fall", "noise", "as the file has it",
+              *(["after, unfiltered"] if cutoffs else []))
     return Table(error.capitalize(), header, tuple(rows), note)
 
 

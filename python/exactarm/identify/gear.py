@@ -58,7 +58,8 @@ class Gear:
     count.
 
     declared: with the robot file's own tables and ratio; rest: as after, with all that was found beside the
-    gear taken out too (delay, wind-up, friction); noise: the part of the error that is white noise.
+    gear taken out too (delay, wind-up, friction); unfiltered: as after, without the low-pass, as
+    `evaluate` has it; noise: the part of the (filtered) error that is white noise.
     """
 
     joint: int
@@ -71,6 +72,7 @@ class Gear:
     after: dict[str, ErrorSummary]
     declared: dict[str, ErrorSummary]
     rest: dict[str, ErrorSummary]
+    unfiltered: dict[str, ErrorSummary]
     noise: float
     cutoff_hz: float | None
 
@@ -177,7 +179,7 @@ def _gear(estimate: GearEstimate, side: str, errors: Errors) -> Gear:
     summary = lambda error: {name: summarise(np.abs(error[mask])) for name, mask in sets.items()}
     return Gear(samples.axis + 1, side, estimate, estimate.gear_table(side), errors.before, after,
                 summary(errors.before), summary(after), summary(errors.declared), summary(errors.rest),
-                errors.noise, _cutoff(samples) if samples.rated else None)
+                summary(errors.unfiltered), errors.noise, _cutoff(samples) if samples.rated else None)
 
 
 def _cutoff(samples: GearSamples) -> float:
