@@ -45,13 +45,13 @@ def true_arm(seed=4):
     return replace(robot, links=links, joints=joints)
 
 
-def log_of(robot, seconds, seed, rate_hz=250.0):
-    """A motion log of the robot with white noise on its torques, no filter in it."""
+def log_of(robot, seconds, seed, rate_hz=250.0, noise=1.0):
+    """A motion log of the robot with white noise on its torques (times NOISE_NM), no filter in it."""
     time, angle, _, _ = fourier_motion(robot, seconds, rate_hz, seed, base_hz=0.1, amplitude=0.9)
     clean = motion_record(robot, motion_data(robot, time, angle), rate_hz)
     torque = predict_motion(robot, Layout.of(()), clean, tangents=False).torque
-    noise = np.random.default_rng(100 + seed).normal(0.0, NOISE_NM, torque.shape)
-    return motion_data(robot, time, angle, torque + noise)
+    off = np.random.default_rng(100 + seed).normal(0.0, noise * NOISE_NM, torque.shape)
+    return motion_data(robot, time, angle, torque + off)
 
 
 def base_values(robot, base):

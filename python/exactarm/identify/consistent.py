@@ -7,11 +7,12 @@
 z: all ten parameters of every link, rotors, friction; e, A: torque residual and Jacobian of the motion,
 whitened, correlated samples counted as such; P_i (4, 4) kg m^2, kg m, kg; Q_i: prior_bodies.py; a rotor
 that only a sum with a link shows is a body of one number. The problem is convex and -log det keeps P
-inside: Newton's method with the bounds of trust_region.py, the weight w lowered in steps of ten from
-where the prior rules. w is so small that D moves what the motion shows by a part of its interval; what
-it does not show, D alone decides. Where the chain is not linear in z (springs), the residual is
-linearised again at the result until it says what was predicted. Limits: the bodies are possible ones,
-not the true ones.
+inside: Newton's method with the bounds of trust_region.py, the weight w lowered from where the prior
+rules, in steps of ten or of less where Newton's method would not come to the next centre: bodies that
+are far from their priors lie at the edge of their cones by then. w is so small that D moves what the
+motion shows by a part of its interval; what it does not show, D alone decides. Where the chain is not
+linear in z (springs), the residual is linearised again at the result until it says what was predicted.
+Limits: the bodies are possible ones, not the true ones.
 """
 
 from dataclasses import dataclass, replace
@@ -35,7 +36,8 @@ from exactarm.robot.robot import Robot
 # 1 / (2 sqrt w) = 1.6 times itself. Masses of a drawing or of a bar are wrong by a factor of two or three.
 WEIGHT = 0.1
 _FIRST_WEIGHT = 1e6  # beside the last: the prior rules
-_NEWTON_STEPS = 200
+_LOWERED, _LEAST_LOWERED = 10.0, 1.02  # times, from one weight to the next
+_NEWTON_STEPS = 100
 _DECREMENT = 1e-9  # half square sum in noise units, of which a standard deviation is worth 0.5
 _STAY_INSIDE = 0.99  # of the way to the edge of the cone
 _LINEARISATIONS = 8
@@ -146,27 +148,41 @@ def _minimised(triangle: np.ndarray, blocks: list[_Block], layout: Layout,
     for block in blocks:
         low[block.where], high[block.where] = -np.inf, np.inf
     z = np.clip(z, low, high)
-    centre, spread = priors_of(layout)
+    middle, spread = priors_of(layout)
     drawn = np.flatnonzero(np.isfinite(spread))
     pull = np.eye(layout.size)[drawn] / spread[drawn, None]
-    A, right = np.vstack([triangle[:, :-1], pull]), np.concatenate([triangle[:, -1], pull @ centre])
-    arrived = False
-    for weight in WEIGHT * np.geomspace(_FIRST_WEIGHT, 1.0, 1 + round(np.log10(_FIRST_WEIGHT))):
-        for _ in range(_NEWTON_STEPS):
-            rows, residual = _newton_rows(A, right, blocks, z, weight)
-            unit = np.linalg.norm(rows, axis=0)
-            unit[unit == 0.0] = 1.0
-            model = Model(rows / unit, residual)
-            step = bounded_step(model, (low - z) * unit, (high - z) * unit, np.inf).step
-            fall = model.fall(step)
-            arrived = fall <= _DECREMENT
-            if arrived:
-                break
-            longer = _along(A, right, blocks, z, step / unit, weight, fall)
-            if longer is None:
-                break
-            z = np.clip(longer, low, high)
-    return z, arrived
+    A, right = np.vstack([triangle[:, :-1], pull]), np.concatenate([triangle[:, -1], pull @ middle])
+    ahead, centre, factor = _FIRST_WEIGHT * WEIGHT, np.inf, _LOWERED
+    while True:
+        found, arrived = _centred(A, right, blocks, (low, high), z, ahead)
+        if arrived:
+            z, centre = found, ahead
+            if ahead <= WEIGHT:
+                return z, True
+        else:
+            factor = np.sqrt(factor)
+            if factor < _LEAST_LOWERED or centre == np.inf:
+                return found, False
+        ahead = max(centre / factor, WEIGHT)
+
+
+def _centred(A, right, blocks, bounds, z, weight) -> tuple[np.ndarray, bool]:
+    """Newton's method at one weight: where it ends, and whether its decrement has vanished there."""
+    low, high = bounds
+    for _ in range(_NEWTON_STEPS):
+        rows, residual = _newton_rows(A, right, blocks, z, weight)
+        unit = np.linalg.norm(rows, axis=0)
+        unit[unit == 0.0] = 1.0
+        model = Model(rows / unit, residual)
+        step = bounded_step(model, (low - z) * unit, (high - z) * unit, np.inf).step
+        fall = model.fall(step)
+        if fall <= _DECREMENT:
+            return z, True
+        longer = _along(A, right, blocks, z, step / unit, weight, fall)
+        if longer is None:
+            break
+        z = np.clip(longer, low, high)
+    return z, False
 
 
 def _newton_rows(A, right, blocks, z, weight):

@@ -1,9 +1,10 @@
 """Bodies that a motion is read against: what identified links are drawn to where the motion says nothing.
 
 A declared link is taken as it is, but nowhere thinner than a fiftieth of the arm's mean link: a point
-or a rod has no neighbourhood of bodies. A link without declared mass is a bar from the frame before to
-its own, masses in proportion to lengths; how heavy all of them are together is left to the data
-(`_scaled` in consistent.py).
+or a rod has no neighbourhood of bodies. One that is declared without an inertia has that of a bar about
+its centre of mass: what a file leaves out is not zero. A link without declared mass is a bar from the
+frame before to its own, masses in proportion to lengths; how heavy all of them are together is left to
+the data (`_scaled` in consistent.py).
 """
 
 import numpy as np
@@ -36,13 +37,14 @@ def prior_bodies(robot: Robot) -> np.ndarray:
     bodies = []
     for index, point in enumerate(before):
         link = robot.links[index] if declared else None
+        spread, centre = np.outer(point, point) / 12.0 + thin * np.eye(3), 0.5 * point
+        mass = masses[index] / masses.sum() * total
         if link is not None and link.mass > 0.0:
-            values, vectors = np.linalg.eigh(spread_of(link) / link.mass)
-            spread = (vectors * np.maximum(values, (_THINNEST * mean) ** 2)) @ vectors.T
-            bodies.append(of_body(link.mass, link.centre_of_mass, spread))
-        else:
-            spread = np.outer(point, point) / 12.0 + thin * np.eye(3)
-            bodies.append(of_body(masses[index] / masses.sum() * total, 0.5 * point, spread))
+            mass, centre = link.mass, link.centre_of_mass
+            if link.inertia.any():
+                values, vectors = np.linalg.eigh(spread_of(link) / link.mass)
+                spread = (vectors * np.maximum(values, (_THINNEST * mean) ** 2)) @ vectors.T
+        bodies.append(of_body(mass, centre, spread))
     return np.array(bodies)
 
 
