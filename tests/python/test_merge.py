@@ -57,6 +57,22 @@ def test_a_header_names_columns_and_units(tmp_path):
         read_points(tmp_path / "points.txt", unit="m")
 
 
+@pytest.mark.parametrize("text, place", [
+    ("p1;1.234,500;-20,118;834,002\np2;1.498,710;33,921;790,215\n", "line 1, column x: '1.234,500'"),
+    ("p1;512,301;-20,118;834,002\np2;1.498,710;1.033,921;790,215\n", "line 2, column x: '1.498,710'"),
+    ("name;x_mm;y_mm;z_mm\np1;512,301;-20,118;-1.834,002\n", "line 2, column z_mm: '-1.834,002'"),
+    ("name x_mm y_mm z_mm\np1 1,234.500 -20.118 834.002\n", "line 2, column x_mm: '1,234.500'"),
+    ("p1\t512.301\t1'020.118\t834.002\n", 'line 1, column y: "1\'020.118"'),
+])
+def test_a_mark_between_thousands_is_refused_by_line_and_column(tmp_path, text, place):
+    """As in a table. The file had no point, or a line too few numbers."""
+    unit = None if "x_mm" in text else "mm"
+    with pytest.raises(InputError) as refused:
+        read_points(written(tmp_path, text), unit)
+    assert f"points.txt, {place} (thousands have a mark, which is not read); expected a number" in str(
+        refused.value)
+
+
 def test_numbers_that_could_be_names_need_a_layout(tmp_path):
     numbered = lambda g, n, x, y, z: f"{n[1]} {x} {y} {z}"
     path = written(tmp_path, lines(numbered))
@@ -104,12 +120,14 @@ def test_half_of_polar_coordinates_is_refused(tmp_path, layout):
         read_points(written(tmp_path, polar("deg")), layout=layout)
 
 
-@pytest.mark.parametrize("number", ["1.512,301", "1 512,301", "512,3O1"])
-def test_a_first_point_that_cannot_be_read_is_not_taken_for_a_heading(tmp_path, number):
+@pytest.mark.parametrize("number, why", [
+    ("1.512,301", "line 2, column x: '1.512,301'"), ("1 512,301", "line 2, column x: '1 512,301'"),
+    ("512,3O1", "line 2: 4 cells, 2 of them numbers")])
+def test_a_first_point_that_cannot_be_read_is_not_taken_for_a_heading(tmp_path, number, why):
     """It was left out."""
     text = f"Name;X;Y;Z\np1;{number};-20,118;834,002\np2;498,710;33,921;790,215\n"
     (tmp_path / "points.txt").write_text(text)
-    with pytest.raises(InputError, match="points.txt, line 2: 4 cells, 2 of them numbers"):
+    with pytest.raises(InputError, match=f"points.txt, {why}"):
         read_points(tmp_path / "points.txt", unit="mm")
 
 

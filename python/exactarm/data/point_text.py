@@ -31,7 +31,7 @@ import numpy as np
 
 from exactarm.data.columns import LENGTH, MOST, POSITION, parse_column
 from exactarm.errors import InputError
-from exactarm.files.csv_dialect import Dialect
+from exactarm.files.csv_dialect import Dialect, marks_thousands
 from exactarm.files.file_bytes import file_bytes
 from exactarm.files.memory_table import AnyFile, MemoryTable
 
@@ -165,7 +165,7 @@ def _rows(path: str | Path, text: str) -> _Rows:
             raise InputError(f"{width} cells, {_count(cells)} of them numbers; expected 3 of them as in line "
                              f"{data[0][0]}, or the names of the columns", file=path, line=line)
         headed = bool(before) and len(before[-1][1]) == width and _count(before[-1][1]) < 2
-        commas = any("," in cell and _count([cell]) for _, cells in data for cell in cells)
+        commas = any("," in cell and _is_number(cell) for _, cells in data for cell in cells)
         return _Rows(
             [cells for _, cells in data], [i for i, _ in data], before[-1][1] if headed else None,
             [i for i, _ in (before[:-1] if headed else before)], Dialect(delimiter, "," if commas else "."))
@@ -193,8 +193,13 @@ def _is_number(cell: str) -> bool:
     return re.fullmatch(r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?", cell) is not None
 
 
+def _is_meant(cell: str) -> bool:
+    """Whether a cell is meant as a number; one with a mark between its thousands is refused by its column."""
+    return _is_number(cell) or marks_thousands(cell)
+
+
 def _count(cells: Sequence[str]) -> int:
-    return sum(map(_is_number, cells))
+    return sum(map(_is_meant, cells))
 
 
 def _numbers(path: AnyFile, rows: _Rows, index: int, name: str) -> np.ndarray:
@@ -268,7 +273,7 @@ def _from_polar(names: Sequence[str], number: Callable[[int], np.ndarray]) -> np
 def _by_content(path: AnyFile, rows: _Rows) -> list[str]:
     """Names first, then exactly three numbers."""
     width = len(rows.cells[0])
-    texts = [i for i in range(width) if not all(_is_number(cells[i]) for cells in rows.cells)]
+    texts = [i for i in range(width) if not all(_is_meant(cells[i]) for cells in rows.cells)]
     if texts != list(range(len(texts))) or width - len(texts) != 3 or len(texts) > len(TEXT_COLUMNS):
         raise InputError(
             f"{width} columns, {width - len(texts)} of them numbers, and no header that names them: a number "

@@ -11,6 +11,8 @@ import re
 from dataclasses import dataclass
 
 _BEFORE_HEADER = re.compile(rb"(?:\xef\xbb\xbf)?(?:sep=.\r?\n)?")  # mark of UTF-8; Excel's line
+# as 1.234,5 or 1,234.5 or 1'234.5; 1,234 alone is a number with a decimal comma, or two columns
+_MARKED = re.compile(r"[-+]?\d{1,3}(?:(?:\.\d{3})+,\d+|(?:,\d{3})+\.\d+|(?:['\s]\d{3})+[.,]\d+)")
 DELIMITERS = (",", ";", "\t")  # in this order: a header with commas is parted by them
 
 
@@ -29,7 +31,14 @@ class Dialect:
 
     def ambiguity(self, cell: str) -> str:
         """Behind the cell, in a message: why it is no number; empty where that is plain to see."""
+        if marks_thousands(cell):
+            return " (thousands have a mark, which is not read)"
         return " (a point, with decimal commas elsewhere)" if cell and not self.plain(cell) else ""
+
+
+def marks_thousands(cell: str) -> bool:
+    """Whether a cell is a number with a mark between its thousands."""
+    return _MARKED.fullmatch(cell) is not None
 
 
 def header_start(content: bytes) -> int:
