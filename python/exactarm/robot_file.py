@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from exactarm.effects import Effect, effect_from_table, library
+from exactarm.effects import DoesNotFit, Effect, effect_from_table, library
 from exactarm.errors import InputError
 from exactarm.files.examples import is_table, no_such_robot
 from exactarm.files.file_bytes import path_of
@@ -366,10 +366,12 @@ class _Reader:
             if isinstance(value, float) and not math.isfinite(value):
                 raise self.refuse(where + key, f"{value}; expected a finite number")
         try:
-            effect = effect_from_table(table)
+            effect = effect_from_table(table).of_axes(axes)
         except KeyError as error:
             raise self.refuse(where + str(error.args[0]),
                               f"is missing; expected a parameter of {name}") from None
+        except DoesNotFit as error:
+            raise self.refuse(where + "effect", str(error)) from None
         except (TypeError, ValueError, AttributeError, StopIteration):
             raise self.refuse(where + "effect",
                               f"a value does not fit; expected the parameters of {name}") from None

@@ -14,7 +14,7 @@ from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.dictionary import forms_of, is_series
 from exactarm.diagnose.draft import Draft, _suspect, gaps_in_words, gaps_of
 from exactarm.numerics.formula import Formula, divisors, linear_names
-from exactarm.robot_file import load_robot
+from exactarm.robot_file import load_robot, write_robot
 from set_ups import measured, true_robot
 
 NOISE_M, POSES = 5e-5, 160
@@ -153,3 +153,42 @@ def test_what_is_drafted_of_an_axis_that_slides_is_a_length():
     assert "a*q_3 m with a = 2e-05" in draft.sentence and "q_3 from 10 to 20 mm" in draft.sentence
     turning = replace(draft, slides=frozenset())
     assert "a*q_3 rad with a = 2e-05" in turning.sentence and "deg" in turning.sentence
+
+
+DRAFT = """[[effects]]
+effect = "expression"
+joint = 2
+form = "{form}"
+of = [{of}]
+values = {{a = 1e-4}}
+"""
+
+
+@pytest.mark.parametrize("form, of, why", [
+    ("a*q_9", '"q_2"', "the formula has q_9, a signal of axis 9, and the list `of` has not (it has q_2); "
+                       "expected every signal there, of axes that the arm has"),
+    ("a*humidity", "", "the formula has humidity, and neither the list of signals `of` (it has none) nor the "
+                       "table `values` has"),
+    ("a*q_99", '"q_99"', "expression follows axis 99; expected an axis from 1 to 64"),
+])
+def test_a_name_that_a_draft_cannot_have_is_refused_in_words(tmp_path, capsys, form, of, why):
+    """It said that `effects[1].q_9 is missing`."""
+    draft = tmp_path / "draft.toml"
+    draft.write_text(DRAFT.format(form=form, of=of))
+    assert cli.main(["accept", str(draft), "--out", str(tmp_path / "out")]) == 2
+    assert why in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("effect, why", [
+    (DRAFT.format(form="a*q_9", of='"q_9"'), "expression follows axis 9; expected an axis from 1 to 6"),
+    ('[[effects]]\neffect = "joint_coupling"\njoint = 2\nmotor = 9\ncoupling_rad_per_rad = 1e-3\n',
+     "joint_coupling follows axis 9; expected an axis from 1 to 6"),
+    (DRAFT.format(form="a*humidity", of='"humidity"'), "no column humidity, which an effect of the robot"),
+])
+def test_an_effect_that_follows_what_the_arm_or_the_data_lack_is_refused(tmp_path, capsys, effect, why):
+    """It ended in a fault of the program."""
+    robot = tmp_path / "robot.toml"
+    write_robot(robot, load_robot("ur10"))
+    robot.write_text(robot.read_text() + effect)
+    assert cli.main(["simulate", str(robot), "--count", "5", "--out", str(tmp_path / "out")]) == 2
+    assert why in capsys.readouterr().err

@@ -50,7 +50,8 @@ def accept(draft: str | Path) -> CommandResult:
         raise InputError(f"cannot be written ({error.strerror}); expected a folder for your effects, or "
                          "another one in EXACTARM_EFFECTS", file=str(folder)) from None
     titles = [effect.title for effect in effects]
-    lines = tuple(f"{effect.title}: {effect.describe()}" for effect in effects)
+    lines = tuple(f"{effect.title}: {effect.describe()}; for arms of {_axes(effect)} axes or more"
+                  for effect in effects)
     empty = tuple(
         f"{effect.title}: all its values are zero: `simulate` and robot files do nothing with it, `diagnose` "
         "estimates it" for effect in effects if effect.values and not any(effect.values))
@@ -63,13 +64,18 @@ def accept(draft: str | Path) -> CommandResult:
                     DEFAULT_SEED))
 
 
+def _axes(effect: Effect) -> int:
+    """How many an arm must have."""
+    return max((effect.joint or 1, *effect.other_axes))
+
+
 def _effect(entry: object, number: int, file: str) -> Effect:
     where = f"effects[{number}]"
     if (not isinstance(entry, dict) or not isinstance(entry.get("effect"), str)
             or entry["effect"] not in library()):
         raise InputError(f"{where}.effect is no known effect; expected {_EXPECTED}", file=file)
     try:
-        effect = effect_from_table(entry)
+        effect = effect_from_table(entry).of_axes(MOST_AXES)
     except KeyError as error:
         raise InputError(f"{where}.{error.args[0]} is missing; expected {_EXPECTED}", file=file) from None
     except (TypeError, ValueError, AttributeError) as error:

@@ -9,11 +9,11 @@ from importlib.metadata import EntryPoint, entry_points
 
 import numpy as np
 
-from exactarm.effects.base import RECORD_KEY, Change, Effect, Parameter, Station
+from exactarm.effects.base import RECORD_KEY, Change, DoesNotFit, Effect, Parameter, Station
 from exactarm.errors import ComputationError
 
 ENTRY_POINT = "exactarm.effects"
-__all__ = ["Change", "Effect", "Parameter", "Station", "effect_from_table", "library"]
+__all__ = ["Change", "DoesNotFit", "Effect", "Parameter", "Station", "effect_from_table", "library"]
 
 
 @cache

@@ -32,7 +32,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from exactarm.effects.axis_units import of_a_slide, slides
-from exactarm.effects.change import Change, OwnCurve, Parameter
+from exactarm.effects.change import Change, DoesNotFit, OwnCurve, Parameter
 from exactarm.effects.parameter_id import ParameterId
 from exactarm.station import Station
 
@@ -109,6 +109,18 @@ class Effect(ABC):
     def driven_by(self) -> int | None:
         """The axis, from 1, whose signals it follows: its own unless it says another."""
         return self.joint
+
+    @property
+    def other_axes(self) -> tuple[int, ...]:
+        """Axes, from 1, whose signals it reads by their number, beside its own."""
+        return ()
+
+    def of_axes(self, axes: int) -> Effect:
+        """Itself, on an arm of so many axes; raises DoesNotFit where it follows one that the arm has not."""
+        for axis in self.other_axes:
+            if not 1 <= axis <= axes:
+                raise DoesNotFit(f"{self.name} follows axis {axis}; expected an axis from 1 to {axes}")
+        return self
 
     def per_guessed_load(self, view: View) -> np.ndarray:
         """(k,) bool: values that are sizes per Nm of a load which generic masses make."""

@@ -8,6 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 
+class DoesNotFit(ValueError):
+    """An effect that cannot be one of this arm; the message says why, and what was expected."""
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One number of an effect: name with unit, bounds, plausible magnitude (SI); `fixed` ones are not

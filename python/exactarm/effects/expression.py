@@ -18,8 +18,9 @@ import numpy as np
 
 from exactarm.data.kinds import ALL_KINDS
 from exactarm.effects.accepted import accepted_drafts
-from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.effects.base import Change, DoesNotFit, Effect, Parameter, Station
 from exactarm.effects.slow_driver import TIME, slow_signal
+from exactarm.errors import InputError
 from exactarm.numerics.formula import Formula, divisors, linear_names
 
 _OF_AXIS = re.compile(r"(q|theta|torque|approach)_(\d+)$")
@@ -93,8 +94,11 @@ class Expression(Effect):
 
     @property
     def driven_by(self) -> int | None:
-        axes = {int(match[2]) for match in map(_OF_AXIS.match, self.of) if match}
-        return axes.pop() if len(axes) == 1 else self.joint
+        return self.other_axes[0] if len(self.other_axes) == 1 else self.joint
+
+    @property
+    def other_axes(self) -> tuple[int, ...]:
+        return tuple(dict.fromkeys(int(match[2]) for match in map(_OF_AXIS.match, self.of) if match))
 
     @property
     def title(self) -> str:
@@ -146,10 +150,14 @@ class Expression(Effect):
 
     @classmethod
     def from_table(cls, table) -> Effect:
-        """Raises KeyError for what is missing, FormulaError for what is no formula."""
+        """Raises KeyError for what is missing, FormulaError for what is no formula, DoesNotFit for a name in
+        it that is no signal and no parameter."""
         formula, of = Formula.of(str(table["form"])), tuple(str(signal) for signal in table["of"])
         names = tuple(name for name in formula.names if name not in of)
         values, sizes = table["values"], table.get("plausible", {})
+        for name in names:
+            if name not in values:
+                raise DoesNotFit(_unlisted(name, of))
         return cls(int(table["joint"]), tuple(float(values[name]) for name in names), form=formula.text,
                    of=of, names=names,
                    plausible=tuple(abs(float(sizes.get(name, values[name]))) or 1.0 for name in names),
@@ -169,9 +177,22 @@ class Expression(Effect):
                 yield effect.emptied()
 
 
+def _unlisted(name: str, of: tuple[str, ...]) -> str:
+    """What is wrong with a name that a formula has, and that is neither a signal nor a parameter of it."""
+    listed = f"(it has {', '.join(of)})" if of else "(it has none)"
+    if match := _OF_AXIS.match(name):
+        return (f"the formula has {name}, a signal of axis {match[2]}, and the list `of` has not {listed}; "
+                "expected every signal there, of axes that the arm has")
+    return (f"the formula has {name}, and neither the list of signals `of` {listed} nor the table `values` "
+            "has; expected every signal in the one and every parameter in the other")
+
+
 def signal_of(view, signal: str) -> np.ndarray:
     """(N,) a signal by the name that it has in formulas."""
     match = _OF_AXIS.match(signal)
+    if match is None and signal not in ("time_h", *view.data.covariates):
+        raise InputError(f"no column {signal}, which an effect of the robot file follows; expected one of "
+                         "that name, or a robot file without the effect", file=view.data.first_file)
     if match is None:
         return (np.nan_to_num(slow_signal(view.data, TIME))
                 if signal == "time_h" else np.asarray(view.data.covariates[signal], float))

@@ -43,6 +43,10 @@ class JointCoupling(Effect):
     def driven_by(self) -> int:
         return int(self.values[0])
 
+    @property
+    def other_axes(self) -> tuple[int, ...]:
+        return (self.driven_by,)
+
     def in_units_of(self, robot, words: str) -> str:
         axes = self.joint, int(self.values[0])
         turned, motor = ("m" if slides(robot, joint) else "rad" for joint in axes)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.effects import Effect, library
+from exactarm.effects import DoesNotFit, Effect, library
 from exactarm.errors import InputError
 from exactarm.numerics.rotation import exp
 from exactarm.robot.controller_frames import with_target
@@ -128,7 +128,10 @@ def parse_effect(text: str, axes: int) -> Effect:
         table[key] = _number(value)
     if known[name].per_joint and not (isinstance(table.get("joint"), int) and 1 <= table["joint"] <= axes):
         raise InputError(f"--effect {name}: expected joint=1 to joint={axes}")
-    return _built(known[name], table)
+    try:
+        return _built(known[name], table).of_axes(axes)
+    except DoesNotFit as error:
+        raise InputError(f"--effect {error}") from None
 
 
 def _built(cls: type[Effect], table: dict) -> Effect:
