@@ -96,23 +96,6 @@ def test_before_is_the_chain_that_the_controller_works_with(arm, rng):
         controllers_robot(replace(arm, record={"command": "calibrate"}))
 
 
-def test_the_error_before_is_worded_as_what_it_is_and_agrees_with_calibrate(tmp_path):
-    """The springs of the file are not in what the controller calculates, and are in where `calibrate`
-    begins."""
-    ea.simulate("racer-7-1.4", count=80, deviation=1.0, seed=3).save(tmp_path)
-    rows = tmp_path / "measured.csv"
-    calibrated = ea.calibrate("racer-7-1.4", rows)
-    calibrated.save(tmp_path / "new")
-    rigid = ea.certify(tmp_path / "new" / "robot.toml", rows)
-    assert "without the springs and gear tables" in rigid["model_before"]
-    assert "nominal" not in rigid["model_before"]
-    same = ea.certify(tmp_path / "new" / "robot.toml", rows, before="racer-7-1.4")
-    assert same["model_before"] == "racer-7-1.4"
-    here, there = same["before"]["validation"]["mean"], calibrated["before"]["validation"]["mean"]
-    assert here == pytest.approx(there, rel=1e-6)
-    assert rigid["before"]["validation"]["mean"] > 1.2 * here
-
-
 # -- the measures --------------------------------------------------------------------------------------
 def test_repeatability_is_mean_distance_and_three_standard_deviations():
     points = np.array([[1.0, 0, 0], [-1.0, 0, 0], [0, 2.0, 0], [0, -2.0, 0]])

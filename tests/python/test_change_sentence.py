@@ -94,3 +94,20 @@ def test_no_command_has_a_sentence_of_its_own():
     own = [path.name for path in sources if re.search(r"falls from|falls to|drops from", path.read_text())]
     assert own == []
     assert all(module.change is change for module in (calibration, identify, gear_report, diagnose_report))
+
+
+def test_the_error_before_is_worded_as_what_it_is_and_agrees_with_calibrate(tmp_path):
+    """The springs of the file are not in what the controller calculates, and are in where `calibrate`
+    begins."""
+    ea.simulate("racer-7-1.4", count=80, deviation=1.0, seed=3).save(tmp_path)
+    rows = tmp_path / "measured.csv"
+    calibrated = ea.calibrate("racer-7-1.4", rows)
+    calibrated.save(tmp_path / "new")
+    rigid = ea.certify(tmp_path / "new" / "robot.toml", rows)
+    assert "without the springs and gear tables" in rigid["model_before"]
+    assert "nominal" not in rigid["model_before"]
+    same = ea.certify(tmp_path / "new" / "robot.toml", rows, before="racer-7-1.4")
+    assert same["model_before"] == "racer-7-1.4"
+    here, there = same["before"]["validation"]["mean"], calibrated["before"]["validation"]["mean"]
+    assert here == pytest.approx(there, rel=1e-6)
+    assert rigid["before"]["validation"]["mean"] > 1.2 * here
