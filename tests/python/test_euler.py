@@ -78,6 +78,41 @@ def test_turns_that_pass_for_a_rotation_vector_are_told(poses, tmp_path, axes, w
     assert f"with {words}" in line
 
 
+def test_files_with_turns_and_with_a_quaternion_go_together(poses, tmp_path):
+    robot, data = poses
+    read(poses, tmp_path, ["roll_rad", "pitch_rad", "yaw_rad"], "xyz")
+    write_dataset(tmp_path / "more.csv", data.select(np.arange(COUNT) < 20), robot)
+    both = read_dataset([tmp_path / "poses.csv", tmp_path / "more.csv"], robot)
+    np.testing.assert_allclose(both.rotation[-COUNT:], data.rotation, atol=1e-9)
+    assert len(both) == COUNT + 20 and both.turns is None
+
+
+@pytest.mark.parametrize(("names", "words"), [
+    ("yaw pitch roll", "with roll and yaw exchanged"), ("pitch roll yaw", "with roll and pitch exchanged"),
+    ("rz ry rx", "with rx and rz exchanged")])
+def test_a_mistake_is_told_by_the_columns_of_the_file(poses, tmp_path, names, words):
+    """It named qx and qz, which such a file has not."""
+    axes = [f"{name}_rad" for name in names.split()]
+    robot, data = poses
+    turns = Rotation.from_matrix(data.rotation)
+    numbers = turns.as_euler("xyz") if "yaw" in names else turns.as_rotvec()
+    table(data, axes, numbers).to_csv(tmp_path / "poses.csv", index=False)
+    (line, *_) = first_aid(robot, read_dataset(tmp_path / "poses.csv", robot))
+    assert words in line and "q_" not in line and "qx" not in line and "quaternion" not in line
+
+
+@pytest.mark.parametrize(("change", "words"), [
+    (lambda turns: turns * [1.0, 1.0, -1.0], "the opposite sign of yaw"),
+    (np.degrees, "roll, pitch, yaw in degrees labelled as radians"),
+    (np.radians, "roll, pitch, yaw in radians labelled as degrees")])
+def test_mistakes_of_three_turns_are_found(poses, tmp_path, change, words):
+    robot, data = poses
+    turns = Rotation.from_matrix(data.rotation).as_euler("xyz")
+    names = ["roll_rad", "pitch_rad", "yaw_rad"]
+    table(data, names, change(turns)).to_csv(tmp_path / "poses.csv", index=False)
+    assert words in first_aid(robot, read_dataset(tmp_path / "poses.csv", robot))[0]
+
+
 def test_a_rotation_vector_is_left_alone(poses, tmp_path):
     robot, data = poses
     vectors = Rotation.from_matrix(data.rotation).as_rotvec()

@@ -38,7 +38,7 @@ from exactarm.data.columns import (
     renamed,
 )
 from exactarm.data.copied_rows import without_copies
-from exactarm.data.euler import with_orientation
+from exactarm.data.euler import TURNS, with_orientation
 from exactarm.data.fixture import Fixture
 from exactarm.data.held_samples import without_frozen, without_held
 from exactarm.data.kinds import POSES, data_kinds, kind_of
@@ -273,6 +273,7 @@ def _read_file(source: AnyFile, robot: Robot, given: Mapping[str, str] | None = 
 def _check_files(files: Sequence[_File]) -> None:
     """No file twice; a quantity that only some files have could not be used, nor dropped without a word."""
     numbering: set[tuple[str, int | None] | str] = {("session", None), ("run", None), ("visit", None)}
+    numbering |= {(turn, None) for turn in TURNS}  # beside a quaternion, which all files have
     partner = {key for file in files for key in file.columns if key[0] == PARTNER}
     if partner or any((name, None) in file.columns for file in files
                       for name in (*CONTACTS, TILT[0], ACCEL[0], PIXEL[0])):
@@ -318,6 +319,7 @@ def _join(files: Sequence[_File], robot: Robot) -> Dataset:
         row=np.concatenate([np.arange(1, count + 1) for count in rows]),
         time=_since_the_start(stack(("time", None))) if ("time", None) in first else None,
         position=vector(POSITION), rotation=_rotation(files, vector), rotation_vector=vector(ROTATION_VECTOR),
+        turns=vector(TURNS) if all((TURNS[0], None) in file.columns for file in files) else None,
         gyro=vector(GYRO), visit=visit,
         identification=stack(("set", None)) == "identification" if ("set", None) in first else None,
         contacts={name: mark(name) for name in CONTACTS if (name, None) in first},

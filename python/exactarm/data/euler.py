@@ -21,7 +21,8 @@ TURNS = ("roll", "pitch", "yaw")
 
 def with_orientation(path: str, columns: Mapping[Key, Column],
                      values: Mapping[Key, np.ndarray]) -> tuple[dict[Key, Column], dict[Key, np.ndarray]]:
-    """Columns and their numbers in SI units with a quaternion in the place of the three turns."""
+    """Columns and their numbers in SI units with a quaternion beside the three turns, which stay under their
+    names without a unit."""
     columns, values = dict(columns), dict(values)
     found = {turn: [f"{turn}_{unit}" for unit in ANGLE if f"{turn}_{unit}" in columns] for turn in TURNS}
     if not all(found.values()):
@@ -34,10 +35,12 @@ def with_orientation(path: str, columns: Mapping[Key, Column],
         raise InputError(f"an orientation beside {', '.join(told)}; expected it once", file=path,
                          column=other)
     turns = np.stack([values.pop(name) * ANGLE[name.rpartition("_")[2]] for name in told], axis=1)
-    first = [columns.pop(name) for name in told][0]
+    own = [columns.pop(name) for name in told]
+    for turn, column, each in zip(TURNS, own, turns.T):
+        columns[turn, None], values[turn, None] = Column(turn, None, column.name), each
     x, y, z, w = read_as("xyz", turns).as_quat().T
     for name, each in zip(QUATERNION, (w, x, y, z)):
-        columns[name, None], values[name, None] = Column(name, None, first.name), each
+        columns[name, None], values[name, None] = Column(name, None, own[0].name), each
     return columns, values
 
 

@@ -63,7 +63,8 @@ class Rows(Value):
     position (N, 3), rotation (N, 3, 3), gyro (N, 3), time (N,), visit (N,) int, identification (N,) bool: or
     None;
                     beside contacts NaN in rows without a tracker
-    rotation_vector (N, 3) rad, rx, ry, rz as the files have them, for the first aid alone; None without
+    rotation_vector (N, 3) rad, rx, ry, rz as the files have them, and turns (N, 3) rad, roll, pitch, yaw, for
+                    the first aid alone; None without
     session, run    (N,) int
     contacts        "socket", "plane", "sphere", "bar", "pair": (N,) int, NO_CONTACT where the row has none;
                     "tilt", "accel", "camera", "partner": 0 where the sensor was read, a corner seen, the
@@ -96,6 +97,7 @@ class Rows(Value):
     position: np.ndarray | None = None
     rotation: np.ndarray | None = None
     rotation_vector: np.ndarray | None = None
+    turns: np.ndarray | None = None
     gyro: np.ndarray | None = None
     visit: np.ndarray | None = None
     identification: np.ndarray | None = None

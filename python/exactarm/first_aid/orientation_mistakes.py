@@ -52,10 +52,12 @@ def orientation_mistakes(bare: Robot, carried: Layout, data: Dataset, now: Misfi
             if fall >= FALL:
                 yield Suspicion(f"{words} {_in_words(turns[0])} against x, y, z", fall)
     if _turns_otherwise(flange.rotation, data) > least:
+        of_three = data.turns is not None or data.rotation_vector is not None
+        order = "" if of_three else "a quaternion in another order, "
         yield Suspicion(
             f"the measured orientations do not follow the arm ({now.orientation:.2g} rad RMS beside "
-            f"{1e3 * now.position:.2g} mm): are they angles of another convention, a quaternion in another "
-            "order, rows shuffled, or is the device as coarse?")
+            f"{1e3 * now.position:.2g} mm): are they angles of another convention, {order}"
+            "rows shuffled, or is the device as coarse?")
 
 
 def _base(points: np.ndarray, rotations: np.ndarray, measured: np.ndarray, now: Misfit) -> np.ndarray | None:

@@ -2,7 +2,7 @@
 that it means.
 
 Angles: units, signs, exchanged columns, zeros, coupled axes, motor or joint side. Device: units, a mirrored
-frame, rows beside the wrong angles, the convention of the quaternion. Robot: another size, another robot that
+frame, rows beside the wrong angles, the convention of orientations. Robot: another size, another robot that
 is shipped. `pose_mistakes` judges them.
 """
 
@@ -13,8 +13,9 @@ from itertools import combinations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from exactarm.data.columns import QUATERNION, ROTATION_VECTOR
 from exactarm.data.dataset import Dataset
-from exactarm.data.euler import read_as
+from exactarm.data.euler import TURNS, read_as
 from exactarm.data.kinds import TRACKED_MOTION
 from exactarm.robot.axes_in_words import axes_in_words
 from exactarm.robot.robot import Placement, Robot
@@ -148,35 +149,57 @@ def _of_device(data: Dataset) -> Iterator[tuple[str, Dataset]]:
     mirrored = replace(data, position=data.position * [1.0, 1.0, -1.0], rotation=None)
     yield MIRRORED, mirrored
     if data.rotation is not None:
-        quaternion = Rotation.from_matrix(data.rotation).as_quat()[:, [3, 0, 1, 2]]
-        for words, order, signs in _CONVENTIONS:
-            meant = quaternion[:, order] * signs
-            yield words, replace(data, rotation=_rotations(meant))
-    if data.rotation_vector is not None:
+        yield from ((words, replace(data, rotation=meant)) for words, meant in _orientations(data))
+
+
+def _orientations(data: Dataset) -> Iterator[tuple[str, np.ndarray]]:
+    """What the columns of an orientation may mean, (N, 3, 3), by the names that the file has."""
+    names, told, read = _told(data)
+    inverse = np.swapaxes(data.rotation, -1, -2)
+    if names == QUATERNION[1:]:
+        quaternion = Rotation.from_matrix(data.rotation).as_quat()
+        turned = Rotation.from_quat(quaternion[:, [3, 0, 1, 2]]).as_matrix()
+        yield "a conjugate quaternion (of the device in the target)", inverse
+        yield "a quaternion in the order x, y, z, w", turned
+        yield "a conjugate quaternion in the order x, y, z, w", np.swapaxes(turned, -1, -2)
+    else:
+        yield f"{', '.join(names)} of the device in the target (the inverse orientation)", inverse
+    for i, j in ((0, 1), (1, 2), (0, 2)):
+        order = np.arange(3)
+        order[[i, j]] = j, i
+        yield f"{names[i]} and {names[j]} exchanged", read(told[:, order])
+    for k, name in enumerate(names):
+        yield f"the opposite sign of {name}", read(told * np.where(np.arange(3) == k, -1.0, 1.0))
+    if names == ROTATION_VECTOR:
         for words, axes in _TURNS:
-            meant = read_as(axes, data.rotation_vector).as_matrix()
-            yield f"rx, ry, rz as {words} in place of a rotation vector", replace(data, rotation=meant)
-        meant = Rotation.from_rotvec(np.nan_to_num(data.rotation_vector) * _DEGREE).as_matrix()
-        yield "a rotation vector in degrees labelled as radians", replace(data, rotation=meant)
+            yield f"rx, ry, rz as {words} in place of a rotation vector", read_as(axes, told).as_matrix()
+        yield "a rotation vector in degrees labelled as radians", read(told * _DEGREE)
+    if names == TURNS:
+        for words, axes in _TURNS[2:]:
+            yield f"roll, pitch, yaw as {words}", read_as(axes, told).as_matrix()
+        yield "roll, pitch, yaw as a rotation vector (to be named rx, ry, rz)", _of_vectors(told)
+        yield "roll, pitch, yaw in degrees labelled as radians", read(told * _DEGREE)
+        yield "roll, pitch, yaw in radians labelled as degrees", read(told / _DEGREE)
+
+
+def _told(data: Dataset) -> tuple[tuple[str, ...], np.ndarray, Callable[[np.ndarray], np.ndarray]]:
+    """Names of three numbers of the orientation as the file has them, these (N, 3), and how they are read."""
+    if data.turns is not None:
+        return TURNS, data.turns, lambda turns: read_as("xyz", turns).as_matrix()
+    if data.rotation_vector is not None:
+        return ROTATION_VECTOR, data.rotation_vector, _of_vectors
+    quaternion = Rotation.from_matrix(data.rotation).as_quat()
+    return QUATERNION[1:], quaternion[:, :3], lambda part: Rotation.from_quat(
+        np.column_stack([part, quaternion[:, 3]])).as_matrix()
+
+
+def _of_vectors(vectors: np.ndarray) -> np.ndarray:
+    return Rotation.from_rotvec(np.nan_to_num(vectors)).as_matrix()
 
 
 _TURNS = (("roll, pitch and yaw (to be named so)", "xyz"),
           ("yaw, pitch and roll (to be named so)", "ZYX"),
           ("turns about moving x, y and z", "XYZ"), ("turns about moving z, y and z", "ZYZ"))
-_CONVENTIONS = (
-    ("a conjugate quaternion (of the device in the target)", [0, 1, 2, 3], [1.0, -1.0, -1.0, -1.0]),
-    ("a quaternion in the order x, y, z, w", [3, 0, 1, 2], [1.0, 1.0, 1.0, 1.0]),
-    ("a conjugate quaternion in the order x, y, z, w", [3, 0, 1, 2], [1.0, -1.0, -1.0, -1.0]),
-    ("qx and qy exchanged", [0, 2, 1, 3], [1.0, 1.0, 1.0, 1.0]),
-    ("qy and qz exchanged", [0, 1, 3, 2], [1.0, 1.0, 1.0, 1.0]),
-    ("qx and qz exchanged", [0, 3, 2, 1], [1.0, 1.0, 1.0, 1.0]),
-    ("the opposite sign of qx", [0, 1, 2, 3], [1.0, -1.0, 1.0, 1.0]),
-    ("the opposite sign of qy", [0, 1, 2, 3], [1.0, 1.0, -1.0, 1.0]),
-    ("the opposite sign of qz", [0, 1, 2, 3], [1.0, 1.0, 1.0, -1.0]))
-
-
-def _rotations(quaternions: np.ndarray) -> np.ndarray:
-    return Rotation.from_quat(quaternions[:, [1, 2, 3, 0]]).as_matrix()
 
 
 def _of_rows(data: Dataset, whole: Dataset, rows: np.ndarray) -> Iterator[tuple[str, Dataset]]:
