@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from exactarm import _core
+from exactarm.data.dataset import Dataset
 from exactarm.first_aid.first_aid import first_aid
 from exactarm.first_aid.ratio_mistakes import ratio_mistakes
+from exactarm.first_aid.signal_mistakes import limit_mistakes
 from exactarm.robot_file import load_robot
 from motions import fourier_motion, motion_data
 
@@ -53,3 +55,14 @@ def test_angles_of_the_controller_hang_on_no_ratio():
     angles = {"q": data.joints["theta"] / ROBOT.ratios + ROBOT.offsets, "tau": data.joints["tau"]}
     wrong = ROBOT.with_joint(1, ratio=1.1 * ROBOT.joints[1].ratio)
     assert list(ratio_mistakes(wrong, replace(data, joints=angles))) == []
+
+
+@pytest.mark.parametrize(("low", "high", "words"), [
+    (-2.4, 0.0, "go to -2.4 rad"), (0.0, 2.6, "go to 2.6 rad"), (-1.9, 1.95, "go to -1.9 rad")])
+def test_an_angle_beyond_its_axis_is_told_with_its_sign(low, high, words):
+    """It had told the size alone, which pointed to the other end."""
+    robot = load_robot("racer-7-1.4").with_joint(1, q_min=-0.5, q_max=1.5)
+    q = np.zeros((50, 6))
+    q[:, 1] = np.linspace(low, high, 50)
+    (told,) = limit_mistakes(robot, Dataset.of_arrays("poses", {"q": q}, position=np.zeros((50, 3))))
+    assert f"axis 2 {words}, far beyond what the axis can turn (-0.5 to 1.5 rad)" in told.text

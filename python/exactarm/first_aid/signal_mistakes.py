@@ -16,7 +16,7 @@ from exactarm.first_aid.suspicion import Suspicion
 from exactarm.identify.planned import controller_angles
 from exactarm.numerics.signals import typical_step
 from exactarm.robot.axes_in_words import axes_in_words
-from exactarm.robot.robot import Robot
+from exactarm.robot.robot import Joint, Robot
 
 MOST_TURNS = 4.0 * np.pi  # rad: no axis of an arm turns further than twice about itself to either side
 MOST_RATE_RAD_S = 30.0  # the wrists of the fastest small arms: 15
@@ -208,8 +208,7 @@ def _ranges(robot: Robot, angles: np.ndarray) -> Iterator[Suspicion]:
     for i, joint in enumerate(robot.joints):
         if joint.type != "revolute" or np.isnan(angles[:, i]).all():
             continue
-        low = -MOST_TURNS if joint.q_min is None else joint.q_min
-        high = MOST_TURNS if joint.q_max is None else joint.q_max
+        low, high = _limits(joint)
         room = BEYOND * (high - low)
         if np.nanmin(angles[:, i]) < low - room or np.nanmax(angles[:, i]) > high + room:
             beyond.append((i, low - room, high + room))
@@ -227,8 +226,22 @@ def _ranges(robot: Robot, angles: np.ndarray) -> Iterator[Suspicion]:
         meant = ": are they degrees labelled as radians?"
     else:
         meant = ": are they motor angles, in another unit, from another zero, or of another robot?"
-    yield Suspicion(
-        f"joint angles of {axes} go to {largest:.3g} rad, far beyond what the axis can turn{meant}")
+    farthest = _farthest_out(robot, angles, [i for i, _, _ in beyond])
+    yield Suspicion(f"joint angles of {axes} go to {farthest}{meant}")
+
+
+def _limits(joint: Joint) -> tuple[float, float]:
+    """What an axis can turn, or what none exceeds."""
+    return (-MOST_TURNS if joint.q_min is None else joint.q_min,
+            MOST_TURNS if joint.q_max is None else joint.q_max)
+
+
+def _farthest_out(robot: Robot, angles: np.ndarray, axes: list[int]) -> str:
+    """The angle that lies farthest outside of what its axis can turn, with its sign, and that."""
+    ends = [(float(end(angles[:, i])), *_limits(robot.joints[i])) for i in axes
+            for end in (np.nanmin, np.nanmax)]
+    angle, low, high = max(ends, key=lambda each: max(each[1] - each[0], each[0] - each[2]))
+    return f"{angle:.3g} rad, far beyond what the axis can turn ({low:.3g} to {high:.3g} rad)"
 
 
 def _rates(robot: Robot, data: Dataset, angles: np.ndarray) -> Iterator[Suspicion]:
