@@ -244,7 +244,7 @@ def test_a_point_of_a_program_that_may_be_taught_is_not_touched_without_a_word(t
     _, written, result = compensate(tmp_path, cell.robot, files, *FRAMES, "--points", "XP2")
     assert result["correction"]["n"] == 1 and written["prog.src"] == files["prog.src"]
     assert compensate(tmp_path, cell.robot, files, *FRAMES, "--points", "XP2,XP22")[0] == 2
-    assert "--points xp22: no point" in capsys.readouterr().err
+    assert "--points XP22: no point" in capsys.readouterr().err
 
 
 def test_a_position_of_fanuc_is_named_with_its_brackets(tmp_path):

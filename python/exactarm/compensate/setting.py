@@ -118,7 +118,9 @@ def words_of(points: str) -> list[str]:
 
 
 def unmatched(programs: Sequence[Program], points: str) -> list[str]:
-    """Names of --points that no point of any program has: a slip of the pen would leave one as it is."""
+    """Names of --points, as they were given, that no point of any program has: a slip of the pen would leave
+    one as it is."""
     names = {target.name.lower() for program in programs for target in program.targets}
     known = lambda word: any(fnmatchcase(name, word) for name in names)
-    return [word.replace("[[]", "[") for word in words_of(points) if not known(word)]
+    given = (word.strip() for word in points.split(","))
+    return [name for name, word in zip(given, words_of(points)) if not known(word)]
