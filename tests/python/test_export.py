@@ -167,6 +167,15 @@ def test_the_command_writes_the_file_and_what_it_loses(tmp_path, format, name):
         assert result["lost_max_m"] < (5e-3 if format == "ur_description" else 1e-9)
 
 
+def test_a_page_of_offsets_has_no_loss_and_none_is_calculated(monkeypatch):
+    def refused(*_):
+        raise AssertionError("a loss that nothing tells")
+
+    monkeypatch.setattr("exactarm.commands.export.lost", refused)
+    result = ea.export(deviated(load_robot("ur10")), format="offsets")
+    assert result["lost_mean_m"] is None and "off by" not in result.report.verdict
+
+
 class _Item:
     """As much of an item of RoboDK as the script calls."""
 

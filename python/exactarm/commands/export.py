@@ -17,7 +17,7 @@ from exactarm.commands.call import AnyRobot, asked, command, robot_of
 from exactarm.commands.result import CommandResult
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
-from exactarm.export.chain import Lost, lost, reported_chain
+from exactarm.export.chain import lost, not_carried, reported_chain
 from exactarm.export.mjcf import mjcf_text
 from exactarm.export.offsets import offsets_text
 from exactarm.export.robodk import station_script
@@ -105,28 +105,28 @@ def export(robot: AnyRobot, *, format: str, source: str | Path | None = None, ha
         path_of(source, "a URDF or xacro")
     given = None if source is None else str(source)
     name, content = _name(format, given), FORMATS[format](arm, given, hash)
-    cost = lost(arm, _flange_poses(arm, format))
-    exact = cost.largest < ROUNDING_M
-    verdict = f"{name} is written; its arm is that of the whole model, exact to rounding." if exact else (
-        f"{name} is written. By what the format cannot carry, the flange is off by "
-        f"{quantity(cost.mean, 'm')} on average and "
-        f"{quantity(cost.largest, 'm')} at most, against the whole model over the work space.")
-    parts = list(cost.parts)
-    told: dict[str, float | None] = {"lost_mean_m": cost.mean, "lost_max_m": cost.largest}
+    parts, cost = not_carried(arm), None
     if format == "offsets":  # a page, no arm: what the axes' own geometry is worth is in no file of a robot
         verdict = f"{name} is written: joint offsets, base and tool, for a person who types them in."
-        exact, told = True, dict.fromkeys(told)
         parts.insert(0, "lengths and directions of the axes, which belong into no controller")
+    elif (cost := lost(arm, _flange_poses(arm, format))).largest < ROUNDING_M:
+        verdict = f"{name} is written; its arm is that of the whole model, exact to rounding."
+    else:
+        verdict = (f"{name} is written. By what the format cannot carry, the flange is off by "
+                   f"{quantity(cost.mean, 'm')} on average and {quantity(cost.largest, 'm')} at most, against "
+                   "the whole model over the work space.")
+    told = {"lost_mean_m": cost and cost.mean, "lost_max_m": cost and cost.largest}
     carried = "Not in the file: " + "; ".join(parts) + "." if parts else "All of the model is in the file."
     options = {"format": format, "source": given, "hash": hash}
     return CommandResult(
         json={"format": format, "file": name} | told | {"not_carried": parts},
         report=Report(
             f"Export of {arm.name}", verdict,
-            (*([] if exact else [Highlights((Highlight("lost, mean", Quantity(cost.mean, "m")),
-                                             Highlight("lost, at most", Quantity(cost.largest, "m"))))]),
+            (*([] if cost is None or cost.largest < ROUNDING_M else
+               [Highlights((Highlight("lost, mean", Quantity(cost.mean, "m")),
+                            Highlight("lost, at most", Quantity(cost.largest, "m"))))]),
              Text("What the format cannot carry", (carried,)),
-             Warnings(_warnings(arm, format, cost))),
+             Warnings(_warnings(arm, format))),
             "plain"),
         contents={name: content},
         inputs=() if source is None else (str(source).partition("#")[0],),
@@ -157,7 +157,7 @@ def _flange_poses(robot: Robot, format: str) -> Callable[..., Any]:
     return replace(chain, end=compose(place, robot.controller.flange)).poses
 
 
-def _warnings(robot: Robot, format: str, cost: Lost) -> tuple[str, ...]:
+def _warnings(robot: Robot, format: str) -> tuple[str, ...]:
     if format in ("urdf", "mjcf"):
         return tuple(f"{text}; simulators refuse it (exactarm identify finds links that can exist)"
                      for text in inconsistencies(robot))

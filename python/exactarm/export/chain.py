@@ -5,7 +5,7 @@ flange.
                                              flange at q = 0
 
 In the controller's base frame. Gear harmonics, other gear ratios, springs and effects have no place in it:
-`lost` says what that costs.
+`lost` says what that costs, `not_carried` names them.
 """
 
 from __future__ import annotations
@@ -59,12 +59,10 @@ class ReportedChain:
 
 @dataclass(frozen=True)
 class Lost:
-    """Distance (m) of the flange by the exported chain from that of the whole model, over the work space;
-    what is not carried."""
+    """Distance (m) of the flange by the exported chain from that of the whole model, over the work space."""
 
     mean: float
     largest: float
-    parts: tuple[str, ...]
 
 
 def reported_chain(robot: Robot) -> ReportedChain:
@@ -92,6 +90,11 @@ def lost(robot: Robot, poses) -> Lost:
     low, high = np.clip(model.controller.limits, -np.pi, np.pi)
     q = np.random.default_rng(SEED).uniform(low, high, (POSES, robot.axes))
     distance = np.linalg.norm(poses(q).position - model.reached(q).position, axis=1)
+    return Lost(float(distance.mean()), float(distance.max()))
+
+
+def not_carried(robot: Robot) -> list[str]:
+    """Names of what no rigid chain has a place for."""
     parts = [
         f"gear harmonics of axis {i}" for i, joint in enumerate(robot.joints, start=1) if joint.has_harmonics
     ]
@@ -102,5 +105,4 @@ def lost(robot: Robot, poses) -> Lost:
         for i, (a, b) in enumerate(ratios, start=1)
         if a != b
     ]
-    parts += [effect.label for effect in robot.effects if not effect.record]
-    return Lost(float(distance.mean()), float(distance.max()), tuple(parts))
+    return parts + [effect.label for effect in robot.effects if not effect.record]
