@@ -113,8 +113,8 @@ def export(robot: AnyRobot, *, format: str, source: str | Path | None = None, ha
         verdict = f"{name} is written; its arm is that of the whole model, exact to rounding."
     else:
         verdict = (f"{name} is written. By what the format cannot carry, the flange is off by "
-                   f"{quantity(cost.mean, 'm')} on average and {quantity(cost.largest, 'm')} at most, against "
-                   "the whole model over the work space.")
+                   f"{quantity(cost.mean, 'm')} on average and {quantity(cost.largest, 'm')} at most, "
+                   "against the whole model over the work space.")
     told = {"lost_mean_m": cost and cost.mean, "lost_max_m": cost and cost.largest}
     carried = "Not in the file: " + "; ".join(parts) + "." if parts else "All of the model is in the file."
     options = {"format": format, "source": given, "hash": hash}
