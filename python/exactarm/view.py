@@ -135,6 +135,11 @@ class View:
         """(N,) slope of that sign by the angle on the output side, where the angle tells it."""
         return None
 
+    def sign_by_rate(self, index: int) -> np.ndarray | None:
+        """(N,) slope of the sign of an axis' (from 0) dry friction by its rate on the output side, mean over
+        the samples of the log; None where there are none beside the rows, or it goes by the way."""
+        return None
+
     @property
     def swing(self) -> np.ndarray:
         """(N, n) rad/s, output side: how far the motors' rates move to either side among the samples that a

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm import _core
-from exactarm.effects.drive import smooth_sign
+from exactarm.effects.drive import smooth_sign, smooth_sign_slope
 from exactarm.view import SIGN_WIDTH_RAD_S
 
 
@@ -71,6 +71,10 @@ class DryFriction:
         for number, run in enumerate(runs):
             found[run] = held_sign(angle[run], self.reach[index], self.begin(number, index))
         return found
+
+    def slope_by_rate(self, index: int, rate: np.ndarray) -> np.ndarray:
+        """(S,) of s by the rate, of an axis by the rate."""
+        return smooth_sign_slope(rate, self.width[index])
 
     def slope(self, index: int, angle: np.ndarray, runs) -> np.ndarray:
         """(S,) of s by the angle, of an axis by the way."""

@@ -57,17 +57,35 @@ class MotionView(View):
         samples = record.samples
         if samples is None:
             return None
-        moved = self.theta[:, index] - record.theta[:, index]
-        if not moved.any():
+        if not np.any(self.theta[:, index] - record.theta[:, index]):
             if law is None:
                 return record.mean_dry_sign(index)
             return samples.gathered(law(record.dry_sign(index), samples.rate[:, index]))
-        faster = self.signals["theta_dot"][:, index] - record.theta_dot[:, index]
-        ratio = self.robot.controller_ratios[index]
-        angle, rate = (own[:, index] + samples.spread(change, record.runs) / ratio
-                       for own, change in ((samples.angle, moved), (samples.rate, faster)))
+        angle, rate = self._moved_samples(index)
         sign = record.dry.sign(index, rate, angle, samples.runs)
         return samples.gathered(sign if law is None else law(sign, rate))
+
+    def _moved_samples(self, index: int) -> tuple[np.ndarray, np.ndarray]:
+        """(S,) angle and rate of one motor as it was logged, moved as the record's rows are."""
+        record, ratio = self.evaluated[2], self.robot.controller_ratios[index]
+        samples = record.samples
+        moved = self.theta[:, index] - record.theta[:, index]
+        faster = self.signals["theta_dot"][:, index] - record.theta_dot[:, index]
+        angle, rate = (own[:, index] + samples.spread(change, record.runs) / ratio
+                       for own, change in ((samples.angle, moved), (samples.rate, faster)))
+        return angle, rate
+
+    def sign_by_rate(self, index: int) -> np.ndarray | None:
+        record = self.evaluated[2]
+        if record.samples is None or record.dry.reach[index]:
+            return None
+        known, law = record.samples.known, ("slope of the dry sign", index, record.dry.width[index])
+        if np.any(self.theta[:, index] - record.theta[:, index]):
+            return record.samples.gathered(record.dry.slope_by_rate(index, self._moved_samples(index)[1]))
+        if law not in known:
+            slope = record.dry.slope_by_rate(index, record.samples.rate[:, index])
+            known[law] = record.samples.gathered(slope)
+        return known[law]
 
     def sign_by_angle(self, index: int) -> np.ndarray | None:
         samples, dry = self.evaluated[2].samples, self.evaluated[2].dry

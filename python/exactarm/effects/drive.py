@@ -69,10 +69,13 @@ def over_samples(view, index: int, law: Law | None = None) -> np.ndarray:
 
 def sign_slopes(view, index: int) -> tuple[np.ndarray, np.ndarray]:
     """(N,) each: slope of the sign of one axis (from 0) by its rate and by its angle, on the output side."""
-    rate = view.signals["theta_dot"][:, index] / view.robot.controller_ratios[index]
-    by_rate = smooth_sign_slope(rate, view.sign_width[index], view.swing[:, index])
-    by_angle = view.sign_by_angle(index)
-    return (by_rate, np.zeros_like(rate)) if by_angle is None else (np.zeros_like(rate), by_angle)
+    by_angle, by_rate = view.sign_by_angle(index), view.sign_by_rate(index)
+    if by_angle is not None:
+        return np.zeros_like(by_angle), by_angle
+    if by_rate is None:
+        rate = view.signals["theta_dot"][:, index] / view.robot.controller_ratios[index]
+        by_rate = smooth_sign_slope(rate, view.sign_width[index], view.swing[:, index])
+    return by_rate, np.zeros_like(by_rate)
 
 
 def smooth_square(rate: np.ndarray, width=SIGN_WIDTH_RAD_S, swing=0.0) -> tuple[np.ndarray, np.ndarray]:
