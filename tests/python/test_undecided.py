@@ -1,11 +1,21 @@
 """A cause of which one is missing without a doubt, and none likelier than not, is not nothing."""
 
+import json
+
+import numpy as np
 import pytest
 
+import exactarm as ea
+from exactarm import cli
+from exactarm.data.dataset import write_dataset
 from exactarm.diagnose import selected, selection
 from exactarm.diagnose.diagnosis import diagnose
+from exactarm.diagnose.posterior import Place
 from exactarm.diagnose.verdict import NOTHING, UNEXPLAINED
+from exactarm.effects import effect_from_table
+from exactarm.effects.gear_ratio import GearRatio
 from test_closures import touched
+from test_diagnose_poses import data_with, ur10
 
 SPRING = "joint_compliance joint=2 linear_rad_per_Nm=4e-6 cubic_rad_per_Nm3=0"
 
@@ -30,3 +40,33 @@ def test_where_nothing_is_missing_nothing_is_undecided(contact):
     robot, data = touched("ur10", contact, 1, count=20)
     result = diagnose(robot.nominal, data)
     assert result.verdict == NOTHING and result.selection.undecided == ()
+
+
+@pytest.mark.parametrize("own, rivals, many", [
+    (0.45, (0.3, 0.2), True), (0.6, (0.3,), False), (0.3, (0.1,), False), (0.45, (), False)])
+def test_a_place_is_open_where_named_causes_fill_it_together(own, rivals, many):
+    effect = GearRatio(1, (1e-4,))
+    unknown = ("a function", None, 1.0 - own - sum(rivals))
+    named = tuple((str(k), effect, p) for k, p in enumerate(rivals))
+    assert Place("a", effect, own, 9.0, (*named, unknown), 0).one_of_many == many
+
+
+@pytest.mark.slow
+def test_poses_that_leave_three_causes_open_say_so_and_what_would_tell(tmp_path):
+    """A spring of 0.6 urad/Nm in 70 poses: a base, the spring and a run-out share it. "A structure that
+    nothing in the library explains" was said, with a probability of one, and nothing to measure."""
+    spring = {"effect": "joint_compliance", "joint": 2, "linear_rad_per_Nm": 6e-7, "cubic_rad_per_Nm3": 0.0}
+    data = data_with((effect_from_table(spring),), 80)[0]
+    write_dataset(tmp_path / "poses.csv", data.select(np.arange(0, len(data), 2)), ur10())
+    out = tmp_path / "out"
+    assert cli.main(["diagnose", "ur10", str(tmp_path / "poses.csv"), "--out", str(out), "--quiet"]) == 0
+    told = json.loads((out / "result.json").read_text())
+    assert told["verdict"] == UNEXPLAINED and not (out / "draft.toml").exists()
+    assert told["sentence"].startswith("The model lacks something, but this data cannot tell which: ")
+    (unknown,) = told["effects"]
+    assert unknown["probability"] == told["probability_something_else"] < 0.2
+    asked = {(each["effect"], each["joint"]): each["probability"] for each in unknown["set"]}
+    assert ("joint_compliance", 2) in asked and max(asked.values()) < 0.5 < sum(asked.values()) <= 1.0
+    assert "joint compliance of axis 2" in told["next_experiment"]
+    designed = ea.design("ur10", diagnosis=out / "result.json")
+    assert len(designed.tables["poses.csv"]) > 0

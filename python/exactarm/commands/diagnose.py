@@ -38,7 +38,8 @@ from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.diagnose.diagnosis import diagnose as find_causes
 from exactarm.diagnose.draft import Draft
 from exactarm.diagnose.not_noise import probability_of as probability_not_noise
-from exactarm.diagnose.posterior import Causes
+from exactarm.diagnose.posterior import UNKNOWN, Causes
+from exactarm.diagnose.selected import Accepted
 from exactarm.diagnose.signal import LOAD
 from exactarm.diagnose.verdict import UNEXPLAINED, remains, stood_and_refuted
 from exactarm.errors import InputError
@@ -265,6 +266,8 @@ def _noise(causes: Causes) -> dict[str, Any]:
 
 
 def _unknown(result: Diagnosis) -> dict[str, Any]:
+    if result.causes is not None and (place := result.selection.open_place) is not None:
+        return _one_of_many(result, result.causes, place)
     left = result.dossier_after
     signal = left.strongest if left.structure else None
     share = (f" ({100 * signal.share:.0f} % of the remaining square sum, p = {signal.p_value:.1e})"
@@ -277,11 +280,25 @@ def _unknown(result: Diagnosis) -> dict[str, Any]:
         probability = (causes.probability_something_else if causes.unknown
                        else probability_not_noise(causes.noise))
     return {
-        "effect": "unknown", "joint": None, "parameters": {},
+        "effect": UNKNOWN, "joint": None, "parameters": {},
         "validation_rms_before": rms, "validation_rms_after": rms,
         "probability": probability,
         "evidence": f"a structure that no candidate explains: {remains(left, result.excess, unknown)}{share}",
         "compensable": False}
+
+
+def _one_of_many(result: Diagnosis, causes: Causes, place: Accepted) -> dict[str, Any]:
+    """A place that several causes of the library may fill, and none is likelier than not; probability: that
+    none of the library's does."""
+    rms = result.after["validation" if result.after["validation"].n else "identification"].rms
+    return {
+        "effect": UNKNOWN, "joint": None, "parameters": {},
+        "validation_rms_before": rms, "validation_rms_after": rms,
+        "probability": causes.probability_something_else,
+        "evidence": f"one of several causes that this data cannot tell apart: "
+                    f"{' or '.join(result.selection.undecided)}",
+        "compensable": False,
+        "set": [{"effect": name, "joint": joint, "probability": p} for name, joint, p in place.credible_set]}
 
 
 def _residuals(result: Diagnosis) -> dict[str, Any]:

@@ -8,8 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.problem import Problem
+from exactarm.diagnose.selected import Accepted
 from exactarm.effects.base import Effect
 
 
@@ -37,8 +40,18 @@ def doubtful_places(findings, alternatives) -> tuple[Place, ...]:
     return tuple(sorted(places, key=lambda place: -max(p for _, p in place.rivals)))
 
 
-def next_experiments(problem: Problem, fitted: Fitted, findings, alternatives) -> tuple[str | None, tuple]:
+def open_places(place: Accepted | None) -> tuple[Place, ...]:
+    """A place of causes of which none is in the model, or none."""
+    if place is None:
+        return ()
+    rivals = tuple((rival.effect, place.probability * float(np.exp(rival.evidence - place.evidence)))
+                   for rival in place.rivals)
+    return (Place(place.effect, place.probability, rivals),)
+
+
+def next_experiments(problem: Problem, fitted: Fitted, findings, alternatives,
+                     place: Accepted | None = None) -> tuple[str | None, tuple]:
     """What to measure to part the doubtful causes: in words (None where none is doubtful), and as experiments
-    where the kind of data can plan them, the best first."""
-    places = doubtful_places(findings, alternatives)
+    where the kind of data can plan them, the best first; place: of causes of which none is in the model."""
+    places = (*open_places(place), *doubtful_places(findings, alternatives))
     return problem.next_experiments(fitted, places) if places else (None, ())

@@ -182,7 +182,7 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
                      for place, accepted in enumerate(selection.accepted))
     alternatives = _alternatives(problem, declared, selection)
     progress(NEXT)
-    words, experiments = next_experiments(problem, last, findings, alternatives)
+    words, experiments = next_experiments(problem, last, findings, alternatives, selection.open_place)
     spread = problem.spread(last)
     excess = held_out_excess(errors[-1], problem.error_of_unit_noise(last), _SPREADS * spread)
     if causes is None:
@@ -202,7 +202,8 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     if unconverged or refuted or worse or waves or undecided or gain < AGAINST:
         verdict = UNEXPLAINED
     drafts = ()
-    if verdict == UNEXPLAINED and (problem.drafts or problem.unknown_rivals) and not unconverged:
+    may_draft = (problem.drafts or problem.unknown_rivals) and not unconverged and not undecided
+    if verdict == UNEXPLAINED and may_draft:
         progress(DRAFTING)
         drafts, others, drafted = drafts_of(problem, declared,
                                             _without_outdone(problem, declared, last, findings))

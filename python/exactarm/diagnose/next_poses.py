@@ -160,10 +160,11 @@ class _State:
     @staticmethod
     def of(fitted: Fitted, place: Place) -> _State:
         labels = [effect.label for effect in fitted.layout.effects]
-        index = labels.index(place.effect.label)
-        keep = np.ones(fitted.layout.size, bool)
-        keep[fitted.layout.slices[index]] = False
-        base = fitted.without(index)
+        keep, base = np.ones(fitted.layout.size, bool), fitted
+        if place.effect.label in labels:
+            index = labels.index(place.effect.label)
+            keep[fitted.layout.slices[index]] = False
+            base = fitted.without(index)
         effects = (place.effect, *(rival for rival, _ in place.rivals))
         total = place.probability + sum(p for _, p in place.rivals)
         probabilities = tuple(p / total for p in (place.probability, *(p for _, p in place.rivals)))

@@ -47,8 +47,8 @@ class Place:
     its place.
 
     rivals: (label, effect or None for an unknown function, probability), the most probable first, without the
-    cause itself; log_odds: of the set with it against the set without it; nothing: share of no cause at all
-    in what is against it in its place.
+    cause itself; log_odds: of the set with it against that without it; nothing: share of no cause in what is
+    against it in its place.
     """
 
     label: str
@@ -59,11 +59,17 @@ class Place:
     round: int
     nothing: float = 1.0
 
+    @property
+    def one_of_many(self) -> bool:
+        """Whether named causes fill it together, and none by itself."""
+        rivals = sum(p for _, effect, p in self.rivals if effect is not None)
+        return self.probability < NAMED_AT <= self.probability + rivals
+
 
 @dataclass(frozen=True)
 class Causes:
     """What the posterior says. fits[0]: declared; fits[i]: after i rounds; unknown: the unknown functions
-    in the best set."""
+    in the best set; undecided: places of it that named causes fill together, and none by itself."""
 
     fits: tuple[Fitted, ...]
     places: tuple[Place, ...]
@@ -74,6 +80,7 @@ class Causes:
     test: SelfTest
     score: float  # log of likelihood times prior of the best set of the last round
     name_prior: float  # mean log prior of a name of the library as the next cause
+    undecided: tuple[Place, ...] = ()
 
 
 def find_causes(problem: Problem, declared: Layout, progress: Progress = lambda text: None) -> Causes | None:
@@ -112,7 +119,7 @@ def _causes(problem: Problem, declared: Layout, progress: Progress,
     # where the fit has them so
     springs_first = first.view.has_masses and not carried
     nothing = something = noise = None
-    refused = 0
+    refused, undecided = 0, ()
 
     def beside_chosen(fit: Fitted) -> Vocabulary:
         more = [e for e in candidates_for(problem, fit) if e.carried and e.label not in carried]
@@ -128,7 +135,8 @@ def _causes(problem: Problem, declared: Layout, progress: Progress,
         found = search_round(problem, At.of(problem, fits[-1], vocabulary, len(chosen)), noise)
         if found is None or len(places) + len(found.members.blocks) > MOST_AT_ONCE:
             return None
-        new = _one_each([p for p in _places(found, len(fits) - 1) if p.probability >= NAMED_AT])
+        asked_for = _places(found, len(fits) - 1)
+        new = _one_each([p for p in asked_for if p.probability >= NAMED_AT])
         springs = [p for p in new if p.effect.gives_way and springs_first]
         if any(effect.gives_way for effect in chosen) or len(springs) == len(new):
             springs = []
@@ -150,6 +158,7 @@ def _causes(problem: Problem, declared: Layout, progress: Progress,
             vocabulary = whole.beside(chosen)
             noise, nothing = None, nothing if chosen else None
         else:
+            undecided = tuple(p for p in asked_for if not new and p.one_of_many)
             break
     while idle := _idle(fits[-1], declared):  # what the causes of later rounds have taken over
         chosen, places = ([one for k, one in enumerate(each) if k not in idle] for each in (chosen, places))
@@ -167,7 +176,7 @@ def _causes(problem: Problem, declared: Layout, progress: Progress,
     named = {block.label for block in whole.blocks if block.effect is not None}
     return Causes(tuple(fits), tuple(places), unknown, nothing, something, noise,
                   _tested(problem, first, whole, found), score_of(found),
-                  float(np.log((1.0 - UNKNOWN_MASS) / max(len(named), 1))))
+                  float(np.log((1.0 - UNKNOWN_MASS) / max(len(named), 1))), undecided)
 
 
 def _companions(chosen: list[Effect]) -> list[Effect]:
@@ -231,19 +240,19 @@ def _could_be_right(trial: Fitted, first: int, noise: NoiseModel) -> bool:
 
 def selection_of(causes: Causes) -> Selection:
     """The same as the result of a selection."""
-    accepted = []
-    for place in causes.places:
-        rivals = tuple(
-            Candidate(effect, 0.0, 0, 1,
-                      place.log_odds + float(np.log(max(p, 1e-300) / max(place.probability, 1e-300))))
-            for _, effect, p in place.rivals if effect is not None)
-        accepted.append(Accepted(place.effect, place.log_odds, place.probability, rivals, place.round,
-                                 _credible(place)))
-    return Selection(causes.fits, tuple(accepted))
+    places, undecided = (tuple(map(_accepted, each)) for each in (causes.places, causes.undecided))
+    return Selection(causes.fits, places, undecided)
+
+
+def _accepted(place: Place) -> Accepted:
+    odds = lambda p: place.log_odds + float(np.log(max(p, 1e-300) / max(place.probability, 1e-300)))
+    rivals = tuple(Candidate(effect, 0.0, 0, 1, odds(p))
+                   for _, effect, p in place.rivals if effect is not None)
+    return Accepted(place.effect, place.log_odds, place.probability, rivals, place.round, _credible(place))
 
 
 def _credible(place: Place) -> tuple[tuple[str, int | None, float], ...]:
-    """(effect, joint, probability): the smallest set of causes in this place that holds 95 %."""
+    """(effect, joint, probability): the smallest set of causes that holds 95 % of the place."""
     field = sorted([(place.effect, place.probability), *((e, p) for _, e, p in place.rivals)],
                    key=lambda f: -f[1])
     found, total = [], 0.0
@@ -308,8 +317,7 @@ def _slot(posterior: Posterior, others: tuple[str, ...]) -> list[tuple[str | Non
 
 
 def _effect_at(found: Found, others: list[str], label: str) -> Effect | None:
-    """The rival in the best set's place, at its values; None for an unknown function or where it was never
-    worked out."""
+    """The rival in the best set's place, at its values; None: unknown function, or never worked out."""
     members = found.posterior.members.get(tuple(sorted([*others, label])))
     if members is None:
         return None
@@ -322,8 +330,7 @@ def _effect_at(found: Found, others: list[str], label: str) -> Effect | None:
 
 
 def _one_each(places: list[Place]) -> list[Place]:
-    """The surest of each label: an order between two points of the grid shows at both, until the joint fit
-    has moved it."""
+    """The surest of each label: an order between two points of the grid shows at both, until it is fitted."""
     found: dict[str, Place] = {}
     for place in places:
         found.setdefault(place.label, place)

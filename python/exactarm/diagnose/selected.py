@@ -31,19 +31,23 @@ class Accepted:
 
 @dataclass(frozen=True)
 class Selection:
-    """fits[0] is the declared model, fits[i] the one after i rounds; asked: what earned a place, before those
-    that are no likelier than their rivals left it."""
+    """fits[0] is the declared model, fits[i] the one after i rounds; asked: of what earned a place and is no
+    likelier than its rivals together, what stands for it best."""
 
     fits: tuple[Fitted, ...]
     accepted: tuple[Accepted, ...]
     asked: tuple[Accepted, ...] = ()
 
     @property
-    def undecided(self) -> tuple[str, ...]:
-        """Titles of causes of which one is missing without a doubt, where none is likelier than not."""
+    def open_place(self) -> Accepted | None:
+        """Where a cause is missing without a doubt, and none is likelier than not."""
         lost = [a for a in self.asked if a.probability < NAMED_AT and a.rivals]
-        if self.accepted or not lost:
+        return max(lost, key=lambda each: each.evidence) if lost else None
+
+    @property
+    def undecided(self) -> tuple[str, ...]:
+        """Titles of the causes of which one is missing there."""
+        if (best := self.open_place) is None:
             return ()
-        best = max(lost, key=lambda each: each.evidence)
         alike = [c.effect for c in best.rivals if c.evidence > best.evidence - LEAST_EVIDENCE]
         return tuple(dict.fromkeys(effect.title for effect in (best.effect, *alike)))

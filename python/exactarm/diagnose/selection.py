@@ -114,7 +114,7 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
         accepted = with_shares(problem.knowing(fitted), declared, accepted, fitted)
     if len(fits) > 1:
         fits[-1] = fitted
-    return Selection(tuple(fits), tuple(accepted), asked)
+    return Selection(tuple(fits), tuple(accepted), () if accepted else asked)
 
 
 def _curves(problem, declared, rounds, fitted: Fitted, templates: list[Effect], turn: int):

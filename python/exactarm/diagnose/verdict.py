@@ -168,6 +168,9 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
             likelier = [str(f.likelier) for f in (*refuted, *dropped) if f.likelier]
             return text + (outdone(likelier) if likelier and gain >= AGAINST
                            else spoken_against(len(stood or asked)))
+        if undecided:
+            return text + (" Another cause is missing, but this data cannot tell which: "
+                           f"{' or '.join(undecided)}.")
         if verdict == UNEXPLAINED:
             text += (" A structure is left that nothing in the library explains; "
                      f"{remains(left, excess, unknown)}.")
