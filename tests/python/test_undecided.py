@@ -1,6 +1,7 @@
 """A cause of which one is missing without a doubt, and none likelier than not, is not nothing."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,9 +12,12 @@ from exactarm.data.dataset import write_dataset
 from exactarm.diagnose import selected, selection
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.posterior import Place
+from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.verdict import NOTHING, UNEXPLAINED
+from exactarm.diagnose.vocabulary import vocabulary_of
 from exactarm.effects import effect_from_table
 from exactarm.effects.gear_ratio import GearRatio
+from exactarm.effects.joint_compliance import JointCompliance
 from test_closures import touched
 from test_diagnose_poses import data_with, ur10
 
@@ -49,6 +53,23 @@ def test_a_place_is_open_where_named_causes_fill_it_together(own, rivals, many):
     unknown = ("a function", None, 1.0 - own - sum(rivals))
     named = tuple((str(k), effect, p) for k, p in enumerate(rivals))
     assert Place("a", effect, own, 9.0, (*named, unknown), 0).one_of_many == many
+
+
+def test_what_gives_way_of_a_heavy_arm_is_as_large_at_the_target_as_that_of_a_light_one():
+    """5 urad/Nm are 50 um to a millimetre at the flange of 30 kg, and centimetres at that of 1.5 t: a spring
+    of its usual size was 50 times less than plausible there, and the base was named in its place."""
+    light = ur10()
+    heavy = replace(light, links=tuple(replace(k, mass=50.0 * k.mass, inertia=50.0 * k.inertia)
+                                       for k in light.links))
+    data, sizes = data_with((), 80)[0], []
+    for robot in (light, heavy):
+        problem = problem_for(robot, data, data, 1, 0)
+        fitted = problem.fit(problem.declared())
+        (block,) = vocabulary_of(fitted, [JointCompliance.none_of(robot, 1)], []).blocks
+        moved = fitted.responses_of([block.effect])[0][:, :3, 0]
+        sizes.append((block.size[0], block.size[0] * np.sqrt(np.mean(np.sum(moved**2, axis=1)))))
+    assert sizes[0][0] == 5e-6 and sizes[0][1] < 1e-3
+    assert sizes[1][1] == pytest.approx(1e-3) and sizes[1][0] < 1e-6
 
 
 @pytest.mark.slow

@@ -30,6 +30,9 @@ from exactarm.effects.base import Effect
 # others
 UNKNOWN_MASS = 0.2
 DESCRIBED = 0.1  # odds of a function that the library has named forms for, beside one that it has none for
+# RMS at the target of one thing that gives way, at its plausible size: a gear winds up by some 0.3 mrad under
+# its rated load, a light arm's and a heavy one's, so that a size per Nm falls with the load
+_MOST_GIVEN_M, _TINY = 1e-3, 1e-300
 SCALES = np.array([0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0])  # times plausible; the largest cost 5 and 9 nats
 SCALE_WEIGHTS = np.exp(-0.5 * (np.log(SCALES) / np.log(3.0)) ** 2)
 SCALE_WEIGHTS = SCALE_WEIGHTS / SCALE_WEIGHTS.sum()
@@ -205,6 +208,8 @@ def vocabulary_of(fitted, effects: list[Effect],
             continue
         share = (1.0 - UNKNOWN_MASS) / (len(axes) * len(axes[point.name]) * counts[point.label])
         size = np.array([min(p.plausible, p.prior) for p in parameters])
+        if point.gives_way and not any(np.isfinite(p.prior) for p in parameters):
+            size = np.minimum(size, _MOST_GIVEN_M / np.maximum(_moved(response), _TINY))
         positive = np.array([p.lower == 0.0 for p in parameters])
         where = _same_columns(blocks, parts, point.label, response) or slice(at, at + response.shape[2])
         blocks.append(Block(point.label, point, None, where, size, positive, np.log(share) + point.log_odds,
@@ -222,6 +227,11 @@ def vocabulary_of(fitted, effects: list[Effect],
         parts.append(response)
         at = where.stop
     return Vocabulary(tuple(blocks), tuple(parts))
+
+
+def _moved(response: np.ndarray) -> np.ndarray:
+    """(k,) RMS of what the position is moved by a unit of each parameter, m, of a response (N, m, k)."""
+    return np.sqrt(np.mean(np.sum(response[:, :3] ** 2, axis=1), axis=0))
 
 
 def _same_columns(blocks: list[Block], parts: list, label: str, response: np.ndarray) -> slice | None:
