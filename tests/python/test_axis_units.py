@@ -74,7 +74,6 @@ def test_a_word_is_taken_as_a_whole(words, slide):
     assert of_a_slide(words) == slide
 
 
-
 @pytest.mark.parametrize(("change", "words"), [
     (-0.8e-6, "axis 2 gives way by 3.2e-06 rad for every Nm that it carries, 8e-07 rad less than its "
               "declared spring has it"),

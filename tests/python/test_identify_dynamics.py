@@ -46,7 +46,8 @@ def true_arm(seed=4):
 
 
 def log_of(robot, seconds, seed, rate_hz=250.0, noise=1.0):
-    """A motion log of the robot with white noise on its torques (times NOISE_NM), no filter in it."""
+    """A motion log of the robot with white noise on its torques, no filter in it; noise: times NOISE_NM, of
+    the same draws."""
     time, angle, _, _ = fourier_motion(robot, seconds, rate_hz, seed, base_hz=0.1, amplitude=0.9)
     clean = motion_record(robot, motion_data(robot, time, angle), rate_hz)
     torque = predict_motion(robot, Layout.of(()), clean, tangents=False).torque

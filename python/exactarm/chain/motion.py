@@ -57,13 +57,17 @@ class MotionView(View):
         samples = record.samples
         if samples is None:
             return None
-        if not np.any(self.theta[:, index] - record.theta[:, index]):
+        if not self._moved(index):
             if law is None:
                 return record.mean_dry_sign(index)
             return samples.gathered(law(record.dry_sign(index), samples.rate[:, index]))
         angle, rate = self._moved_samples(index)
         sign = record.dry.sign(index, rate, angle, samples.runs)
         return samples.gathered(sign if law is None else law(sign, rate))
+
+    def _moved(self, index: int) -> bool:
+        """Whether an effect moves one motor (from 0) from where the record has it."""
+        return bool(np.any(self.theta[:, index] - self.evaluated[2].theta[:, index]))
 
     def _moved_samples(self, index: int) -> tuple[np.ndarray, np.ndarray]:
         """(S,) angle and rate of one motor as it was logged, moved as the record's rows are."""
@@ -79,13 +83,9 @@ class MotionView(View):
         record = self.evaluated[2]
         if record.samples is None or record.dry.reach[index]:
             return None
-        known, law = record.samples.known, ("slope of the dry sign", index, record.dry.width[index])
-        if np.any(self.theta[:, index] - record.theta[:, index]):
-            return record.samples.gathered(record.dry.slope_by_rate(index, self._moved_samples(index)[1]))
-        if law not in known:
-            slope = record.dry.slope_by_rate(index, record.samples.rate[:, index])
-            known[law] = record.samples.gathered(slope)
-        return known[law]
+        if not self._moved(index):
+            return record.mean_dry_slope(index)
+        return record.samples.gathered(record.dry.slope_by_rate(index, self._moved_samples(index)[1]))
 
     def sign_by_angle(self, index: int) -> np.ndarray | None:
         samples, dry = self.evaluated[2].samples, self.evaluated[2].dry

@@ -12,6 +12,7 @@ Torque (N, n) in Nm on the output side: tau, or nominal ratio times tau_motor, o
 constant times current (1 Nm/A where no constant is declared). Axes whose torque was not measured hold NaN.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -96,10 +97,19 @@ class MotionRecord:
         return self._dry_signs[index]
 
     def mean_dry_sign(self, index: int) -> np.ndarray:
-        """(N,) the same, gathered; kept beside the log, for the same laws are asked for again and again."""
-        known, law = self.samples.known, ("dry sign", index, *self.dry.law(index))
+        """(N,) the same, gathered."""
+        return self._gathered("dry sign", index, lambda: self.dry_sign(index))
+
+    def mean_dry_slope(self, index: int) -> np.ndarray:
+        """(N,) its slope by the rate, gathered."""
+        return self._gathered("slope of the dry sign", index,
+                              lambda: self.dry.slope_by_rate(index, self.samples.rate[:, index]))
+
+    def _gathered(self, name: str, index: int, over_samples: Callable[[], np.ndarray]) -> np.ndarray:
+        """Kept beside the log, for the same laws are asked for again and again."""
+        known, law = self.samples.known, (name, index, *self.dry.law(index))
         if law not in known:
-            known[law] = self.samples.gathered(self.dry_sign(index))
+            known[law] = self.samples.gathered(over_samples())
         return known[law]
 
     @property

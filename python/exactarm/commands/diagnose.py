@@ -266,13 +266,19 @@ def _noise(causes: Causes) -> dict[str, Any]:
 
 
 def _unknown(result: Diagnosis) -> dict[str, Any]:
-    if result.causes is not None and (place := result.selection.open_place) is not None:
-        return _one_of_many(result, result.causes, place)
+    place, causes = result.selection.open_place, result.causes
+    rms = result.after["validation" if result.after["validation"].n else "identification"].rms
+    told = _structure(result) if place is None or causes is None else _one_of_many(result, causes, place)
+    return {"effect": UNKNOWN, "joint": None, "parameters": {}, "validation_rms_before": rms,
+            "validation_rms_after": rms, "compensable": False} | told
+
+
+def _structure(result: Diagnosis) -> dict[str, Any]:
+    """What the last model leaves and nothing in the library explains."""
     left = result.dossier_after
     signal = left.strongest if left.structure else None
     share = (f" ({100 * signal.share:.0f} % of the remaining square sum, p = {signal.p_value:.1e})"
              if signal else "")
-    rms = result.after["validation" if result.after["validation"].n else "identification"].rms
     probability = 1.0 - (signal.p_value if signal else 0.0)
     unknown = result.unknown
     if unknown and result.causes is not None:
@@ -280,24 +286,17 @@ def _unknown(result: Diagnosis) -> dict[str, Any]:
         probability = (causes.probability_something_else if causes.unknown
                        else probability_not_noise(causes.noise))
     return {
-        "effect": UNKNOWN, "joint": None, "parameters": {},
-        "validation_rms_before": rms, "validation_rms_after": rms,
         "probability": probability,
-        "evidence": f"a structure that no candidate explains: {remains(left, result.excess, unknown)}{share}",
-        "compensable": False}
+        "evidence": f"a structure that no candidate explains: {remains(left, result.excess, unknown)}{share}"}
 
 
 def _one_of_many(result: Diagnosis, causes: Causes, place: Accepted) -> dict[str, Any]:
     """A place that several causes of the library may fill, and none is likelier than not; probability: that
     none of the library's does."""
-    rms = result.after["validation" if result.after["validation"].n else "identification"].rms
     return {
-        "effect": UNKNOWN, "joint": None, "parameters": {},
-        "validation_rms_before": rms, "validation_rms_after": rms,
         "probability": causes.probability_something_else,
-        "evidence": f"one of several causes that this data cannot tell apart: "
+        "evidence": "one of several causes that this data cannot tell apart: "
                     f"{' or '.join(result.selection.undecided)}",
-        "compensable": False,
         "set": [{"effect": name, "joint": joint, "probability": p} for name, joint, p in place.credible_set]}
 
 

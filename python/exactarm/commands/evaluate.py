@@ -34,7 +34,7 @@ from exactarm.commands.result import CommandResult
 from exactarm.commands.steps import AT_POSES, CHECKING, JUDGING, READING, STEPS
 from exactarm.commands.suspicions import suspicions
 from exactarm.data.dataset import Dataset, read_planned_poses
-from exactarm.data.kinds import GEAR_RUN, kind_of
+from exactarm.data.kinds import kind_of
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.design.joint_limits import beyond_limits
 from exactarm.errors import InputError
@@ -150,7 +150,7 @@ def _report(robot: Robot, data: Dataset, result: Evaluation) -> Report:
     mean, most = quantities([s.mean, s.max], unit)
     verdict = (f"{robot.name}, as its file describes it, is off by {mean} on average and by {most} at most "
                f"({s.n} rows; nothing of the robot was fitted, only the set-up).")
-    if data.kind == GEAR_RUN.name and unit == "rad/s":
+    if unit == "rad/s":
         verdict += " The rate is judged as it was read: what `gear` has behind its low-pass is smaller."
     known: tuple[Table, ...] = ()
     if result.distances:

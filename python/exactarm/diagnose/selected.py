@@ -31,8 +31,8 @@ class Accepted:
 
 @dataclass(frozen=True)
 class Selection:
-    """fits[0] is the declared model, fits[i] the one after i rounds; asked: of what earned a place and is no
-    likelier than its rivals together, what stands for it best."""
+    """fits[0] is the declared model, fits[i] the one after i rounds; asked: what earned a place that may be
+    filled by a rival as well, and is not in the model."""
 
     fits: tuple[Fitted, ...]
     accepted: tuple[Accepted, ...]

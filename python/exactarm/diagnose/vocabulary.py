@@ -30,8 +30,9 @@ from exactarm.effects.base import Effect
 # others
 UNKNOWN_MASS = 0.2
 DESCRIBED = 0.1  # odds of a function that the library has named forms for, beside one that it has none for
-# RMS at the target of one thing that gives way, at its plausible size: a gear winds up by some 0.3 mrad under
-# its rated load, a light arm's and a heavy one's, so that a size per Nm falls with the load
+# RMS at the target of one thing that gives way, at its plausible size: about what the declared spring of axis
+# 2 of the reference robot does under its own weight (0.9 mrad, tests/python/test_undecided.py). Stiffness
+# grows with the load that an arm is built for, so that a size per Nm falls with it.
 _MOST_GIVEN_M, _TINY = 1e-3, 1e-300
 SCALES = np.array([0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0])  # times plausible; the largest cost 5 and 9 nats
 SCALE_WEIGHTS = np.exp(-0.5 * (np.log(SCALES) / np.log(3.0)) ** 2)

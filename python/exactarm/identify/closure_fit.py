@@ -39,6 +39,8 @@ _LEAST_SIGMA, _LARGEST_SIGMA = 1e-9, 1e3
 _EXACT = 1e-30  # of the noise: rows that their own unknowns explain to the last digit
 # of every sort before any data, m or rad: from 0.014 to 0.7 mm (95 %), as seats, styli and trackers are
 _USUAL_SIGMA, _USUAL_SPREAD = 1e-4, 1.0  # median, standard deviation of the logarithm
+# relative change of the scales that ends the rounds, and far below it the one at fixed residuals, which is
+# cheap
 _ROUNDS, _SETTLED, _ALIKE = 60, 2e-4, 1e-5
 _INNER_STEPS = 12
 # of the weighted square sum: a further step would gain less, a tenth of a standard deviation

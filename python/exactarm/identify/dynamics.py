@@ -47,7 +47,6 @@ from exactarm.robot.robot import Link, Robot
 from exactarm.view import SIGN_WIDTH_RAD_S, SLIDES_RAD
 
 _WORST_CONDITION = 1e3  # of scaled columns: a parameter behind it would carry noise, not mass
-_CLEARLY = 1.96  # standard deviations: less is noise once in twenty
 _BOOKKEEPING_MASS_KG = 5.0  # of links without a declared mass: no motion tells how a group is shared out
 
 # Steps as they are told, in their order.
@@ -216,7 +215,7 @@ def _warnings(fit: MotionFit, data: Dataset, unsettled: str):
         yield (f"the samples are worth {fit.uncertainty.effective.sum():.0f} independent numbers for "
                f"{fit.layout.size} parameters: measure longer")
     for name, bound, asked, spread in zip(fit.layout.names, fit.fit.at_bound, *fit.fit.unbounded):
-        if bound and asked < -_CLEARLY * spread:
+        if bound and asked < -fit.fit.half_width(spread):
             yield (f"{name} lies at its bound, 0: the data ask for a negative one, so something else in them "
                    "acts as it does")
         elif bound:

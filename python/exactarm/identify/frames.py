@@ -64,13 +64,13 @@ def find_frames(robot: Robot, data: Dataset, layout: Layout | None = None,
     starts = np.random.default_rng(seed).normal(0.0, _TOOL_REACH_M, (_STARTS, 3))
     starts[0] = 0.0
     ends, costs = _refine(points, rotations, measured, starts)
-    tool_point = ends[np.argmin(costs)]
-    declared = _as_declared(tool_point, rotations, robot.tool.position)
-    if np.sum(procrustes(points + rotations @ declared, measured)[1] ** 2) <= _AS_GOOD**2 * costs.min():
-        tool_point = declared
-    apart = np.linalg.norm(ends - tool_point, axis=1) > _APART_M
-    as_good = ends[apart & (costs <= _AS_GOOD**2 * costs.min())]
+    best, enough = ends[np.argmin(costs)], _AS_GOOD**2 * costs.min()
+    tool_point = _as_declared(best, rotations, robot.tool.position)
     base, residual = procrustes(points + rotations @ tool_point, measured)
+    if np.sum(residual**2) > enough:
+        tool_point = best
+        base, residual = procrustes(points + rotations @ tool_point, measured)
+    as_good = ends[(np.linalg.norm(ends - tool_point, axis=1) > _APART_M) & (costs <= enough)]
     tool_rotation = np.eye(3)
     if data.rotation is not None:
         tool_rotation = nearest(np.mean(np.swapaxes(base.rotation @ rotations, -1, -2) @ data.rotation,
