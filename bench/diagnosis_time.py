@@ -7,6 +7,7 @@
     both        B and C in one run, 4,268 poses
     many        12,000 simulated poses, the causes of `few`
     motion      measured torques of a TX40 that come with the package
+    corners     60 simulated pictures of a board, a camera on the flange of a UR10
     encoders    a minute of 1 kHz between two encoders, simulated by bench/blind, a delay and a run-out hidden
 
 Without CASE: all but both and many. Each diagnosis is a process of its own, `python -m exactarm diagnose
@@ -44,7 +45,7 @@ HIDDEN = (
     "gear_eccentricity joint=1 first_cos_rad=2e-4 first_sin_rad=1e-4",
 )
 RATE_HZ, RUN_S, RUNS, ENCODERS, ENCODER_NOISE_RAD = 1000.0, 10.0, 6, 2, 1e-5
-USUAL, LARGE = ("few", "B", "C", "motion", "encoders"), ("both", "many")
+USUAL, LARGE = ("few", "B", "C", "motion", "corners", "encoders"), ("both", "many")
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
@@ -67,6 +68,12 @@ def simulated_poses(folder: Path, count: int) -> list[str]:
 
 def shipped(*series: str) -> list[str]:
     return ["ur10", *(str(SERIES[name]) for name in series)]
+
+
+def pictures(folder: Path) -> list[str]:
+    words = ["--measure", "closures", "--contact", "camera", "--places", "1", "--count", "60"]
+    run(TOP, ["simulate", "ur10", *words, "--deviation", "1", "--seed", "3", "--out", str(folder)])
+    return ["ur10", str(folder / "closures.csv"), "--fixture", str(folder / "fixture.toml")]
 
 
 def between_encoders(folder: Path) -> list[str]:
@@ -111,6 +118,8 @@ def words_of(case: str, folder: Path) -> list[str]:
     """ROBOT and FILES of a case, its data written into `folder` where they are simulated."""
     if case in ("few", "many"):
         return simulated_poses(folder, {"few": 140, "many": 12_000}[case])
+    if case == "corners":
+        return pictures(folder)
     if case == "motion":
         return ["tx40", str(DATA / "examples" / "tx40" / "motion.parquet")]
     return between_encoders(folder) if case == "encoders" else shipped(*{"both": "BC"}.get(case, case))
