@@ -29,6 +29,7 @@ import pyarrow.csv
 
 from exactarm.commands.plain import plain, sha256
 from exactarm.errors import InputError
+from exactarm.files.arrow_columns import column_of
 from exactarm.files.file_bytes import real_path
 
 RESULT = "result.json"
@@ -208,7 +209,7 @@ class OutputFolder:
 def _cells(values: Sequence) -> pa.Array:
     """A column; NaN and None become empty cells."""
     array = np.asarray(values)
-    return pa.array(np.where(array, "True", "False") if array.dtype == bool else array, from_pandas=True)
+    return column_of(np.where(array, "True", "False") if array.dtype == bool else array)
 
 
 def _csv(table: pa.Table, quoting: str) -> pa.Buffer:

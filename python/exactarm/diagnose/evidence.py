@@ -175,6 +175,13 @@ class Picture:
         return self.columns.T @ self.residual - self.taken[0].T @ self.taken[1]
 
     @cached_property
+    def lengths(self) -> np.ndarray:
+        """(p,) square roots of the diagonal of C'V^-1 C."""
+        square = sum(sign * np.einsum("ij,ij->j", each, each)
+                     for sign, each in ((1.0, self.columns), (-1.0, self.taken[0])))
+        return np.sqrt(np.maximum(square, 0.0))
+
+    @cached_property
     def stacked(self) -> dict[int, tuple[np.ndarray, np.ndarray, np.ndarray]]:
         """Width k -> (columns (g, k) of the matrix, sizes (g, k), C'V^-1 C (g, k, k)) of its blocks."""
         found = {}

@@ -106,7 +106,7 @@ def _planted(picture: Picture, parts: _Parts, rng) -> tuple[int, int]:
     shown = {}
     for index, block in enumerate(blocks):
         if block.effect is not None:
-            length = float(np.sqrt(np.diag(picture.between(block.where, block.where)) @ block.size**2))
+            length = float(np.sqrt(picture.lengths[block.where] ** 2 @ block.size**2))
             if length > shown.get(block.label, (CLEAR, None))[0]:
                 shown[block.label] = (length, index)
     chosen = [index for _, index in sorted(shown.values(), key=lambda e: -e[0])][:_CAUSES]
@@ -114,10 +114,11 @@ def _planted(picture: Picture, parts: _Parts, rng) -> tuple[int, int]:
         return 0, 0
     onto, square = parts.wild(_PLANTED, rng)
     truth = [chosen[d % len(chosen)] for d in range(_PLANTED)]
+    products = {index: picture.between(slice(None), blocks[index].where) for index in chosen}
     for d, index in enumerate(truth):
         block = blocks[index]
         size = rng.standard_normal(block.columns) * block.size
-        planted = picture.between(slice(None), block.where) @ size
+        planted = products[index] @ size
         square[d] += float((2.0 * onto[block.where, d] + planted[block.where]) @ size)
         onto[:, d] += planted
     weights = _weights(picture, onto, square)

@@ -23,6 +23,7 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from exactarm.errors import InputError
+from exactarm.files.arrow_columns import column_of, numbers_of
 from exactarm.files.csv_dialect import Dialect, dialect_of, header_start, split_header
 from exactarm.files.examples import meant_example
 from exactarm.files.file_bytes import file_bytes
@@ -79,7 +80,7 @@ def column_names(path: str | Path | MemoryTable) -> list[str]:
 
 def write_table(path: str | Path, columns: Mapping[str, np.ndarray]) -> None:
     """Write columns of one length, as Parquet or CSV after the name's ending; whole or not at all."""
-    table = pa.table({name: pa.array(np.asarray(values)) for name, values in columns.items()})
+    table = pa.table({name: column_of(np.asarray(values)) for name, values in columns.items()})
     with atomic_file(path) as temporary:
         if _is_parquet(path):
             pa.parquet.write_table(table, temporary)
@@ -203,13 +204,14 @@ def _csv_cell_by_cell(path: str | Path, body: pa.Buffer, names: list[str], text:
 
 
 def _numbers(path: str | Path, name: str, cells: pa.ChunkedArray, may_be_empty: bool,
-             dialect: Dialect) -> pa.ChunkedArray | list[float]:
+             dialect: Dialect) -> pa.ChunkedArray:
     """A column's cells as numbers; one by one only where not all are numbers as they stand."""
     if dialect.decimal == ".":
         with suppress(pa.ArrowInvalid):
             return cells.cast(pa.float64())
-    return [np.nan if may_be_empty and not cell.strip() else _number(path, name, row, cell, dialect)
-            for row, cell in enumerate(cells.to_pylist(), start=1)]
+    found = [np.nan if may_be_empty and not cell.strip() else _number(path, name, row, cell, dialect)
+             for row, cell in enumerate(cells.to_pylist(), start=1)]
+    return pa.chunked_array([column_of(np.array(found))])
 
 
 def _refuse_ragged(path: str | Path, body: pa.Buffer, names: list[str], dialect: Dialect) -> None:
@@ -298,19 +300,19 @@ def _memory(table: MemoryTable, text: Collection[str], may_be_empty: Callable) -
     columns = {}
     for name, values in zip(table.names, table.values, strict=True):
         if name in text or values.dtype.kind not in "biuf":
-            cells = pa.chunked_array([pa.array([cell_text(value) for value in values], pa.string())])
-            columns[name] = cells if name in text else pa.chunked_array([pa.array(
-                _numbers(table.label, name, cells, name in gaps, _PLAIN), pa.float64())])
+            cells = pa.chunked_array([column_of(np.array([cell_text(value) for value in values], str))])
+            columns[name] = cells if name in text else _numbers(table.label, name, cells, name in gaps,
+                                                                _PLAIN)
         else:
-            columns[name] = pa.chunked_array([pa.array(values.astype(float))])
+            columns[name] = pa.chunked_array([column_of(values.astype(float))])
     return pa.table(columns)
 
 
 # -- all ---------------------------------------------------------------------------------------------
 def _numpy(path: str | Path, name: str, column: pa.ChunkedArray, is_text: bool, has_gaps: bool) -> np.ndarray:
     if is_text:
-        return column.fill_null("").to_numpy()
-    numbers = np.asarray(column.to_numpy(), dtype=float)
+        return np.array([cell or "" for cell in column.to_pylist()], dtype=object)
+    numbers = numbers_of(column)
     finite = np.isfinite(numbers) | (has_gaps & np.isnan(numbers))
     if not finite.all():
         row = int(np.argmin(finite))
