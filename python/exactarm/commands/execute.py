@@ -16,7 +16,6 @@ from exactarm.commands.outcome import Asked
 from exactarm.commands.output import OutputFolder, may_write
 from exactarm.commands.publish import Published, publish, sources
 from exactarm.commands.result import CommandResult
-from exactarm.data.dataset import read_dataset
 from exactarm.errors import InputError
 from exactarm.progress import Progress
 from exactarm.report.plots.files import DRAWING
@@ -95,6 +94,7 @@ def _with_columns(arguments: argparse.Namespace) -> argparse.Namespace:
     if not given:
         return arguments
     from exactarm.commands.call import robot_of
+    from exactarm.data.dataset import read_dataset
 
     robot = robot_of(arguments.robot)
     data = read_dataset(arguments.files, robot, arguments.kind, columns=given)

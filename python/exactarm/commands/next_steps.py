@@ -14,7 +14,6 @@ from exactarm.commands.outcome import Asked, Outcome
 from exactarm.data.kinds import GEAR_RUN, MOTION, POSES, kind_of
 from exactarm.data.kinds.base import Device, Kind
 from exactarm.files.examples import EXAMPLES
-from exactarm.plan.path_file import shipped_paths
 from exactarm.report import Highlights, Report, Text, Warnings
 from exactarm.robot.robot import Robot
 from exactarm.robot_file import shipped_robots
@@ -132,6 +131,8 @@ def _plan(run: _Run) -> Sequence[str]:
 
 def _simulate(run: _Run) -> Sequence[str]:
     if "compare.csv" in run.result.tables:
+        from exactarm.plan.path_file import shipped_paths  # with it comes the whole planner
+
         path = run.result.json["path"]["name"]
         line = run.line("planned", "plan", run.robot, path)
         return ("Plan the same path for the real arm:", line) if path in shipped_paths() else ()
