@@ -45,7 +45,7 @@ def test_a_cause_that_cannot_be_told_from_others_is_told_with_them(monkeypatch):
 def test_where_nothing_is_missing_nothing_is_undecided(contact):
     robot, data = touched("ur10", contact, 1, count=20)
     result = diagnose(robot.nominal, data)
-    assert result.verdict == NOTHING and result.selection.undecided == ()
+    assert result.verdict == NOTHING and result.selection.undecided is None
 
 
 @pytest.mark.parametrize("own, rivals, many", [
@@ -95,11 +95,16 @@ def test_poses_that_leave_three_causes_open_say_so_and_what_would_tell(tmp_path)
     assert cli.main(["diagnose", "ur10", str(tmp_path / "poses.csv"), "--out", str(out), "--quiet"]) == 0
     told = json.loads((out / "result.json").read_text())
     assert told["verdict"] == UNEXPLAINED and not (out / "draft.toml").exists()
-    assert told["sentence"].startswith("The model lacks something, but this data cannot tell which: ")
+    assert told["probability_nothing"] > 0.05  # else it would be sure that something is
+    assert told["sentence"].startswith("The model probably lacks something, but this data cannot tell which")
     (unknown,) = told["effects"]
     assert unknown["probability"] == told["probability_something_else"] < 0.2
     asked = {(each["effect"], each["joint"]): each["probability"] for each in unknown["set"]}
     assert ("joint_compliance", 2) in asked and max(asked.values()) < 0.5 < sum(asked.values()) <= 1.0
     assert "joint compliance of axis 2" in told["next_experiment"]
+    page = (out / "report.html").read_text()
+    share = 100.0 * asked["joint_compliance", 2]
+    assert "Which cause is missing" in page and ">joint compliance of axis 2<" in page
+    assert f">{share:.1f} %<" in page
     designed = ea.design("ur10", diagnosis=out / "result.json")
     assert len(designed.tables["poses.csv"]) > 0

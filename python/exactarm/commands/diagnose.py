@@ -296,7 +296,7 @@ def _one_of_many(result: Diagnosis, causes: Causes, place: Accepted) -> dict[str
     return {
         "probability": causes.probability_something_else,
         "evidence": "one of several causes that this data cannot tell apart: "
-                    f"{' or '.join(result.selection.undecided)}",
+                    f"{result.selection.undecided}",
         "set": [{"effect": name, "joint": joint, "probability": p} for name, joint, p in place.credible_set]}
 
 

@@ -104,7 +104,8 @@ def _sections(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contri
     unit = result.unit
     name, row = kind_of(result.kind).error, kind_of(result.kind).row
     note = f"Before: the declared model with its own parameters estimated again. {rule}"
-    sections: list = [highlights(result.before, result.after, unit), *_next(robot, result, found)]
+    sections: list = [highlights(result.before, result.after, unit), *_next(robot, result, found),
+                      *_undecided(result)]
     if found:
         judged = "validation" if result.after["validation"].n else "identification"
         geared = [joint.has_gear for joint in robot.joints]
@@ -189,6 +190,24 @@ def _next(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contributi
         lines.append(f"`draft.toml` holds {number} for what is left. Check {it}, then `exactarm accept "
                      f"draft.toml` and diagnose again: every command knows {it} from then on.")
     return [Text(HEADING, tuple(lines))] if lines else []
+
+
+def _undecided(result: Diagnosis) -> list[Table]:
+    """The causes of which one is missing, each with its probability."""
+    place = result.selection.open_place
+    if place is None or not place.credible_set:
+        return []
+    effects = (place.effect, *(rival.effect for rival in place.rivals))
+    titles = {(effect.name, effect.joint): effect.title for effect in effects}
+    shares: dict[str, float] = {}
+    for name, joint, probability in place.credible_set:
+        title = titles.get((name, joint), "something that the library lacks")
+        shares[title] = shares.get(title, 0.0) + probability
+    ranked = sorted(shares.items(), key=lambda row: -row[1])
+    rest = 1.0 - sum(shares.values())
+    rows = tuple((title, percent(share)) for title, share in (*ranked, ("none of these", rest)))
+    return [Table("Which cause is missing", ("cause", "probability"), rows,
+                  "None of them is in `robot.toml`.")]
 
 
 def _left_over(result: Diagnosis) -> list[Figure]:

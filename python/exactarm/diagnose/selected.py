@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from exactarm.diagnose.decisions import LEAST_EVIDENCE, NAMED_AT
+from exactarm.diagnose.decisions import CREDIBLE, LEAST_EVIDENCE, NAMED_AT
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.scan import Candidate
 from exactarm.diagnose.signal import Structure
@@ -30,6 +30,17 @@ class Accepted:
 
 
 @dataclass(frozen=True)
+class Undecided:
+    """Titles of causes of which one is missing; sure: no cause at all is next to impossible."""
+
+    titles: tuple[str, ...]
+    sure: bool
+
+    def __str__(self) -> str:
+        return " or ".join(self.titles)
+
+
+@dataclass(frozen=True)
 class Selection:
     """fits[0] is the declared model, fits[i] the one after i rounds; asked: what earned a place that may be
     filled by a rival as well, and is not in the model."""
@@ -40,14 +51,16 @@ class Selection:
 
     @property
     def open_place(self) -> Accepted | None:
-        """Where a cause is missing without a doubt, and none is likelier than not."""
+        """Where a cause is missing, by all that is known, and none is likelier than not."""
         lost = [a for a in self.asked if a.probability < NAMED_AT and a.rivals]
         return max(lost, key=lambda each: each.evidence) if lost else None
 
     @property
-    def undecided(self) -> tuple[str, ...]:
-        """Titles of the causes of which one is missing there."""
+    def undecided(self) -> Undecided | None:
+        """The causes of which one is missing there."""
         if (best := self.open_place) is None:
-            return ()
+            return None
         alike = [c.effect for c in best.rivals if c.evidence > best.evidence - LEAST_EVIDENCE]
-        return tuple(dict.fromkeys(effect.title for effect in (best.effect, *alike)))
+        titles = tuple(dict.fromkeys(effect.title for effect in (best.effect, *alike)))
+        whole = sum(probability for *_, probability in best.credible_set)
+        return Undecided(titles, not best.credible_set or whole >= CREDIBLE)

@@ -22,6 +22,7 @@ from exactarm.diagnose.held_out_evidence import AGAINST
 from exactarm.diagnose.noise import NoiseFloor
 from exactarm.diagnose.not_noise import not_noise
 from exactarm.diagnose.posterior import Causes
+from exactarm.diagnose.selected import Undecided
 from exactarm.diagnose.signal import Structure
 
 EXPLAINED, NOTHING, UNEXPLAINED = "explained", "no_undeclared_effect", "unexplained"
@@ -142,9 +143,9 @@ def remains(left: Dossier, excess: float, unknown: tuple[Structure, ...] = ()) -
 
 def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, excess: float,
                 unknown: tuple[Structure, ...] = (), gain: float = 0.0,
-                undecided: tuple[str, ...] = (), withdrawn: tuple[str, ...] = (), dropped=()) -> str:
+                undecided: Undecided | None = None, withdrawn: tuple[str, ...] = (), dropped=()) -> str:
     """The verdict in one sentence that a technician understands; gain: of the held-out rows, in nats;
-    undecided: titles of causes of which one is missing; withdrawn: of those that held-out rows refute where
+    undecided: causes of which one is missing; withdrawn: of those that held-out rows refute where
     nothing need be missing; dropped: effects that they contradict, no longer in the model."""
     judged = "validation" if after["validation"].n else "identification"
     if findings or dropped:
@@ -169,14 +170,15 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
             return text + (outdone(likelier) if likelier and gain >= AGAINST
                            else spoken_against(len(stood or asked)))
         if undecided:
-            return text + (" Another cause is missing, but this data cannot tell which: "
-                           f"{' or '.join(undecided)}.")
+            return text + (f" Another cause is {'' if undecided.sure else 'probably '}missing, but this data "
+                           f"cannot tell which: {undecided}.")
         if verdict == UNEXPLAINED:
             text += (" A structure is left that nothing in the library explains; "
                      f"{remains(left, excess, unknown)}.")
         return text
     if undecided:
-        return f"The model lacks something, but this data cannot tell which: {' or '.join(undecided)}."
+        return (f"The model {'' if undecided.sure else 'probably '}lacks something, but this data cannot "
+                f"tell which: {undecided}.")
     if verdict == UNEXPLAINED:
         return ("The residual has a structure that nothing in the library explains; "
                 f"{remains(left, excess, unknown)}.")
