@@ -7,14 +7,16 @@ friction at a reversal) is evaluated at every sample and then gathered.
 """
 
 from dataclasses import dataclass, field
-from functools import cached_property, lru_cache
+from functools import cached_property
 
 import numpy as np
-import scipy  # scipy.signal is imported at its first use: it takes half a second, and only motions need it
 from scipy import sparse
 
+from exactarm.numerics.butterworth import butterworth
+
 ORDER = 4
-_MEMORY_PERIODS = 4.0  # of the cutoff: what comes later is below 1e-4
+# of the cutoff: what comes later is below 1e-4; what lies so far past the ends moves them by less than 1e-3
+_MEMORY_PERIODS, _FADED_PERIODS = 4.0, 3.0
 
 
 @dataclass(frozen=True)
@@ -58,11 +60,6 @@ class LogSamples:
         return np.concatenate(parts)
 
 
-@lru_cache(maxsize=64)
-def _butterworth(cutoff_hz: float, step: float) -> np.ndarray:
-    return scipy.signal.butter(ORDER, cutoff_hz, fs=1.0 / step, output="sos")
-
-
 def _taps(cutoff_hz: float | None, step: float) -> np.ndarray:
     """Of the low-pass at every sample, as far as it remembers."""
     if cutoff_hz is None:
@@ -74,11 +71,9 @@ def _taps(cutoff_hz: float | None, step: float) -> np.ndarray:
 
 def low_pass(values: np.ndarray, cutoff_hz: float, step: float) -> np.ndarray:
     """(N, ...) without phase; ends go on as their point reflection, far enough for the filter to die out."""
-    sections = _butterworth(cutoff_hz, step)
-    pad = min(len(values) - 1, int(np.ceil(3.0 / (cutoff_hz * step))))
     flat = values.reshape(len(values), -1)
     bad = np.isnan(flat).any(axis=0)
     good = ~bad & flat.any(axis=0)  # most tangents are zero in most axes
     out = np.where(bad, np.nan, np.zeros_like(flat))
-    out[:, good] = scipy.signal.sosfiltfilt(sections, flat[:, good], axis=0, padtype="odd", padlen=pad)
+    out[:, good] = butterworth(flat[:, good], ORDER, cutoff_hz, step, _FADED_PERIODS)
     return out.reshape(values.shape)

@@ -16,11 +16,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import scipy  # scipy.signal is imported at its first use: it takes half a second
 
 from exactarm.chain import GearRecord
 from exactarm.chain.lost_samples import FILLED_PERIODS, Filled, without_gaps
 from exactarm.data.dataset import Dataset
+from exactarm.numerics.butterworth import butterworth
 from exactarm.numerics.signals import derivative, typical_step
 from exactarm.robot.robot import Robot
 
@@ -43,10 +43,7 @@ def resampled_run(robot: Robot, data: Dataset, record: GearRecord) -> tuple[Data
     every = int(1.0 / (_ROWS_PER_PERIOD * cutoff * step))
     if every < 2 or min(rows.size for rows in record.runs) < 40 * every:
         return data, record
-    sections = scipy.signal.butter(_ORDER, cutoff, fs=1.0 / step, output="sos")
-    pad = int(np.ceil(_FADED_PERIODS / (cutoff * step)))
-    low_pass = lambda values: scipy.signal.sosfiltfilt(sections, values, axis=0,
-                                                       padlen=min(pad, len(values) - 1))
+    low_pass = lambda values: butterworth(values, _ORDER, cutoff, step, _FADED_PERIODS)
     reach = int(np.ceil(_REACH_PERIODS / (cutoff * step)))
     axes = list(record.encoder_axes)
     reading = data.joints["q"][:, axes] if axes else data.gyro
