@@ -52,6 +52,22 @@ def test_clean_torque_has_no_undeclared_effect(racer):
     result = diagnose(racer, motion(racer))
     assert result.verdict == NOTHING and not result.findings
     assert result.unit == "Nm" and len(result.axes) == 6
+    told = _json(result)
+    assert told["probability_something_else"] == 1.0 - told["probability_nothing"] < 0.1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size_nm", [0.3, 1.2])
+def test_cables_that_two_axes_wind_up_are_something_else(racer, size_nm):
+    """"Nothing is missing" was said of both: no single signal followed a tenth of what was left."""
+    def cables(angle, rate, acceleration):
+        pull = angle[:, 5] * angle[:, 4] ** 2
+        return size_nm * (pull / np.std(pull))[:, None] * (np.arange(6) == 0)
+
+    result = diagnose(racer, motion(racer, cables))
+    assert result.verdict == UNEXPLAINED and not result.findings
+    assert "axis 1 follows the angle of axis 5 and the angle of axis 6" in result.sentence
+    assert _json(result)["probability_something_else"] > 0.99
 
 
 @pytest.mark.slow

@@ -15,8 +15,7 @@ from scipy import sparse
 from exactarm.numerics.butterworth import butterworth
 
 ORDER = 4
-# of the cutoff: what comes later is below 1e-4; what lies so far past the ends moves them by less than 1e-3
-_MEMORY_PERIODS, _FADED_PERIODS = 4.0, 3.0
+_MEMORY_PERIODS = 4.0  # of the cutoff: what comes later is below 1e-4
 
 
 @dataclass(frozen=True)
@@ -75,5 +74,5 @@ def low_pass(values: np.ndarray, cutoff_hz: float, step: float) -> np.ndarray:
     bad = np.isnan(flat).any(axis=0)
     good = ~bad & flat.any(axis=0)  # most tangents are zero in most axes
     out = np.where(bad, np.nan, np.zeros_like(flat))
-    out[:, good] = butterworth(flat[:, good], ORDER, cutoff_hz, step, _FADED_PERIODS)
+    out[:, good] = butterworth(flat[:, good], ORDER, cutoff_hz, step)
     return out.reshape(values.shape)

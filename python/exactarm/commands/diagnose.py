@@ -246,8 +246,9 @@ def _posterior(result: Diagnosis) -> dict[str, Any]:
     """Probabilities that nothing is missing, and that something else is."""
     causes = result.causes
     if causes is None:
-        return dict.fromkeys(("probability_nothing", "probability_something_else", "false_alarm_rate",
-                              "self_test"))
+        something = result.beyond.something if result.beyond else None
+        return {"probability_nothing": None if something is None else 1.0 - something,
+                "probability_something_else": something, "false_alarm_rate": None, "self_test": None}
     return {"probability_nothing": causes.probability_nothing,
             "probability_something_else": causes.probability_something_else,
             "false_alarm_rate": causes.test.false_alarms,

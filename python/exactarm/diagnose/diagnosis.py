@@ -15,7 +15,7 @@ from exactarm.data.dataset import Dataset
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.diagnose.confusion import next_experiments
 from exactarm.diagnose.contribution import Contribution, contributions
-from exactarm.diagnose.decisions import DOUBT
+from exactarm.diagnose.decisions import DOUBT, NAMED_AT
 from exactarm.diagnose.dossier import Dossier, dossier
 from exactarm.diagnose.draft import Draft, drafts_of
 from exactarm.diagnose.fitted import Fitted
@@ -32,7 +32,9 @@ from exactarm.diagnose.selected import Accepted, Selection
 from exactarm.diagnose.selection import Progress, select, select_anew
 from exactarm.diagnose.signal import Structure
 from exactarm.diagnose.standing import Dropped, Judged, errors_of
+from exactarm.diagnose.unknown_axes import UnknownAxes, unknown_axes
 from exactarm.diagnose.verdict import (
+    NOTHING,
     UNEXPLAINED,
     held_out_excess,
     no_verdict,
@@ -134,6 +136,7 @@ class Diagnosis:
     excluded_error: float | None = None  # m, median of the rows that are left out
     excluded_places: tuple[str, ...] = ()  # of these rows, in words
     left_over: LeftOver | None = None
+    beyond: UnknownAxes | None = None  # beside a model in which by all else nothing is missing
 
     @property
     def converged(self) -> bool:
@@ -190,6 +193,10 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
                                    problem.share_of_measured(last))
     else:
         verdict = verdict_of_causes(causes, after, noise, excess)
+    beyond = None
+    if verdict == NOTHING and problem.unknown_rivals:
+        beyond = unknown_axes(problem, last)
+        verdict = NOTHING if beyond.something < NAMED_AT else UNEXPLAINED
     waves = problem.waves(last, noise.value if noise.measured else None)
     unknown = _unknown_beside(causes, (*findings, *dropped))
     unconverged = _unconverged(selection)
@@ -206,7 +213,7 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     if verdict == UNEXPLAINED and may_draft:
         progress(DRAFTING)
         drafts, others, drafted = drafts_of(problem, declared,
-                                            _without_outdone(problem, declared, last, findings))
+                                            _without_outdone(problem, declared, last, findings), beyond)
         if causes is None and (drafts or others):
             unknown = tuple(Structure(draft.effect.title) for draft in drafts) + others
             waves = problem.waves(drafted, noise.value if noise.measured else None)
@@ -229,7 +236,7 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
         axes=problem.axes(first, last), left_out=problem.left_out(),
         contributions=contributions(problem, last, declared),
         in_space=problem.in_space(first, last),
-        left_over=left_over(problem, last, left) if verdict == UNEXPLAINED else None)
+        left_over=left_over(problem, last, left) if verdict == UNEXPLAINED else None, beyond=beyond)
 
 
 def _without_outdone(problem: Problem, declared: Layout, last: Fitted, findings) -> Fitted:

@@ -39,7 +39,7 @@ from exactarm.diagnose.signal import (
     Signal,
     Structure,
 )
-from exactarm.diagnose.unknown_axes import unknown_axes
+from exactarm.diagnose.unknown_axes import UnknownAxes, unknown_axes
 from exactarm.diagnose.vocabulary import vocabulary_of
 from exactarm.effects.axis_units import moves_by
 from exactarm.effects.base import Effect
@@ -119,13 +119,13 @@ class Draft:
         return table | {"short_formula": self.short, "suspect": self.suspect, "status": "draft"}
 
 
-def drafts_of(problem: Problem, declared: Layout,
-              last: Fitted) -> tuple[tuple[Draft, ...], tuple[Structure, ...], Fitted]:
+def drafts_of(problem: Problem, declared: Layout, last: Fitted, seen: UnknownAxes | None = None
+              ) -> tuple[tuple[Draft, ...], tuple[Structure, ...], Fitted]:
     """Unknown functions that turn an axis beside the model `last`, the likeliest axis first, each as a
     formula beside those before it, what no formula describes, and the fit with all formulas; an axis that
-    none describes is left."""
+    none describes is left. seen: those beside `last`, where they are known."""
     found: list[Draft] = []
-    fitted, seen, left = last, unknown_axes(problem, last), set[int]()
+    fitted, seen, left = last, seen or unknown_axes(problem, last), set[int]()
     while problem.drafts and len(found) < MOST_DRAFTS:
         likely = {axis: each[0] for axis, each in seen.likely.items() if axis not in left}
         if not likely or max(likely.values()) < NAMED_AT:

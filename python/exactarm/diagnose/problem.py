@@ -105,6 +105,10 @@ class Problem(ABC):
         is dealt with otherwise."""
         return None
 
+    def pieces(self) -> np.ndarray:
+        """(N,) from 0: parts of the identification rows that bagged probabilities draw whole (bagging.py)."""
+        return np.unique(self.groups(), return_inverse=True)[1]
+
     def groups_for(self, response: np.ndarray) -> np.ndarray:
         """The groups by which an effect is judged whose response has the square (N,) in each row."""
         return self.groups()

@@ -28,7 +28,7 @@ from exactarm.diagnose.signal import (
     Signal,
     place_of_axis,
 )
-from exactarm.diagnose.time_groups import run_groups, stretches_of_response
+from exactarm.diagnose.time_groups import run_groups, stretches_of_response, time_groups
 from exactarm.identify.declared import all_effects, with_estimates
 from exactarm.robot.robot import Robot
 from exactarm.view import View
@@ -94,6 +94,11 @@ class ProblemInTime(Problem):
 
     def groups(self) -> np.ndarray:
         return run_groups(self.run)
+
+    def pieces(self) -> np.ndarray:
+        """Of one run each."""
+        pieces = np.stack([self.run, time_groups(self.run)])
+        return np.unique(pieces, axis=1, return_inverse=True)[1].ravel()
 
     def groups_for(self, response: np.ndarray) -> np.ndarray:
         return stretches_of_response(self.groups(), response, 1.0 / self._noise.share)

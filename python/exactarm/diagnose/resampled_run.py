@@ -30,8 +30,6 @@ _ROWS_PER_PERIOD = 2.6  # of the low-pass; 2 would be its Nyquist rate
 _ORDER = 8
 # the low-pass carries what is not defined so far into its neighbours, over the ends of a run too
 _REACH_PERIODS = 1.0
-# its slowest pole falls by exp(-2 pi sin(pi / 16)) = 0.29 a period: to 3e-8 of a ramp's slope in these
-_FADED_PERIODS = 14.0
 _SEEN_AS_GAP = 1.5  # of the resampled rows: a shorter gap is none among them, and is filled
 _LEAST_KEPT = 0.5  # of the rows: among many gaps the run stays as it is
 
@@ -43,7 +41,7 @@ def resampled_run(robot: Robot, data: Dataset, record: GearRecord) -> tuple[Data
     every = int(1.0 / (_ROWS_PER_PERIOD * cutoff * step))
     if every < 2 or min(rows.size for rows in record.runs) < 40 * every:
         return data, record
-    low_pass = lambda values: butterworth(values, _ORDER, cutoff, step, _FADED_PERIODS)
+    low_pass = lambda values: butterworth(values, _ORDER, cutoff, step)
     reach = int(np.ceil(_REACH_PERIODS / (cutoff * step)))
     axes = list(record.encoder_axes)
     reading = data.joints["q"][:, axes] if axes else data.gyro

@@ -27,7 +27,7 @@ from exactarm.diagnose.joint_fit import candidates_for, count_of, refit
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import Candidate, linear_columns, scan
 from exactarm.diagnose.selected import Accepted, Selection
-from exactarm.diagnose.something_else import Beside, beside_unknown, pieces_of
+from exactarm.diagnose.something_else import Beside, beside_unknown
 from exactarm.diagnose.vocabulary import emptied
 from exactarm.diagnose.worth import is_worth
 from exactarm.effects.base import Effect
@@ -109,6 +109,8 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
     accepted = [replace(done[place], effect=effect) if place in done
                 else replace(settled[effect.label], effect=effect, round=rounds[place])
                 for place, effect in enumerate(fitted.layout.effects[len(declared.effects):])]
+    if not problem.unknown_rivals:
+        accepted = _bagged(problem.knowing(fitted), len(declared.effects), accepted, fitted)
     asked, (accepted, fitted) = tuple(accepted), _admissible(problem, declared, accepted, fitted)
     if problem.unknown_rivals:
         accepted = with_shares(problem.knowing(fitted), declared, accepted, fitted)
@@ -223,10 +225,11 @@ def _admissible(problem: Problem, declared: Layout, accepted: list[Accepted], fi
 
 def with_shares(problem: Problem, declared: Layout, accepted: Sequence[Accepted],
                 fitted: Fitted) -> list[Accepted]:
-    """The effects of the last fit, each with its probability beside its rivals, bagged, and its share beside
+    """The effects of the last fit, each with its bagged probability beside its rivals, and its share beside
     unknown functions in its place, or in the place of all effects that stand."""
     first = len(declared.effects)
     places = [place for place, own in enumerate(accepted) if not own.effect.excludes_rows()]
+    accepted = _bagged(problem, first, accepted, fitted)
     field = lambda without: candidates_for(problem, without)
     numbers = lambda without: count_of(problem, without)
 
@@ -247,11 +250,21 @@ def with_shares(problem: Problem, declared: Layout, accepted: Sequence[Accepted]
         asked = [alone[place], *(other for group, other in together if place in group)]
         odds = sum((1.0 - other.share) / max(other.share, np.finfo(float).tiny) for other in asked)
         share, worst = 1.0 / (1.0 + odds), min(asked, key=lambda other: other.share)
-        own, without = accepted[place], fitted.without(first + place)
-        rivals, pieces = [(rival.effect, rival.evidence) for rival in own.rivals], pieces_of(problem)
-        sure = bagged_contest(without, (own.effect, own.evidence), rivals, numbers(without), pieces)
-        found[place] = replace(own, probability=min(own.probability, sure), share=share,
+        found[place] = replace(accepted[place], share=share,
                                likelier=worst.likeliest if share < NAMED_AT else None)
+    return found
+
+
+def _bagged(problem: Problem, first: int, accepted: Sequence[Accepted], fitted: Fitted) -> list[Accepted]:
+    """The effects behind the first ones of a fit, none with more than its bagged probability beside its
+    rivals."""
+    found, pieces = list(accepted), problem.pieces()
+    for place, own in enumerate(accepted):
+        if own.effect.excludes_rows():
+            continue
+        without, rivals = fitted.without(first + place), [(c.effect, c.evidence) for c in own.rivals]
+        sure = bagged_contest(without, (own.effect, own.evidence), rivals, count_of(problem, without), pieces)
+        found[place] = replace(own, probability=min(own.probability, sure))
     return found
 
 

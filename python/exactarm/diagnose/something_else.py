@@ -28,7 +28,6 @@ from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import free_mask, grid, regularised_gain
 from exactarm.diagnose.search import log_prior_of_count
 from exactarm.diagnose.signal import Direction, Signal, Structure
-from exactarm.diagnose.time_groups import time_groups
 from exactarm.diagnose.unknown import AMPLITUDE, Unknown, Wave, functions_of_waves, unknown_functions
 from exactarm.diagnose.vocabulary import DESCRIBED, SCALE_WEIGHTS, SCALES, UNKNOWN_MASS, emptied
 from exactarm.effects.base import Effect
@@ -52,7 +51,7 @@ def beside_unknown(problem: Problem, steps: list[tuple[Fitted, Effect]],
     steps: each effect with the fit without it and those after it; candidates: the library beside a fit;
     count: its independent numbers.
     """
-    without, pieces = steps[0][0], pieces_of(problem)
+    without, pieces = steps[0][0], problem.pieces()
     own, squares = 0.0, None
     for before, effect in steps:
         free = free_mask(effect)
@@ -79,12 +78,6 @@ def beside_unknown(problem: Problem, steps: list[tuple[Fitted, Effect]],
         return Beside(float(np.exp(own - special.logsumexp(evidence))), best.structure)
     shares = bagged(evidence[near], np.array(by_piece)[near], np.array(kept)[near], count(without))
     return Beside(float(shares[0]), best.structure)
-
-
-def pieces_of(problem: Problem) -> np.ndarray:
-    """(N,) from 0: pieces of the rows of the search, of one run each."""
-    pieces = np.stack([problem.run, time_groups(problem.run)])
-    return np.unique(pieces, axis=1, return_inverse=True)[1].ravel()
 
 
 @dataclass(frozen=True)

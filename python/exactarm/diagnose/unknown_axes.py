@@ -24,7 +24,7 @@ from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.search import log_prior_of_count, search
 from exactarm.diagnose.search_round import alike, basis_of
 from exactarm.diagnose.signal import Signal, Structure
-from exactarm.diagnose.something_else import pieces_of, weigh_unknown
+from exactarm.diagnose.something_else import weigh_unknown
 from exactarm.diagnose.vocabulary import vocabulary_of
 from exactarm.noise.estimate import estimate_noise
 from exactarm.noise.model import NoiseModel
@@ -49,11 +49,13 @@ class KnownNoise:
 class UnknownAxes:
     """likely: axis -> probability that something else turns it, and the signals that it may follow, the
     likeliest first; noise: of the rows beside it, in the terms of evidence.py; others: axis, or None of a
-    device, and what probably moves it, in words."""
+    device, and what probably moves it, in words; something: probability that one of them acts, where each is
+    weighed alone."""
 
     noise: NoiseModel | KnownNoise
     likely: dict[int, tuple[float, list[Signal]]]
     others: tuple[tuple[int | None, Structure], ...] = ()
+    something: float | None = None
 
 
 def unknown_axes(problem: Problem, fitted: Fitted) -> UnknownAxes:
@@ -64,7 +66,7 @@ def unknown_axes(problem: Problem, fitted: Fitted) -> UnknownAxes:
 def _in_time(problem: Problem, fitted: Fitted) -> UnknownAxes:
     count = count_of(problem, fitted)
     noise = KnownNoise(fitted, count + fitted.spent)
-    found = weigh_unknown(problem, fitted, count, pieces_of(problem), lambda signal, along: True)
+    found = weigh_unknown(problem, fitted, count, problem.pieces(), lambda signal, along: True)
     first = log_prior_of_count(1) - log_prior_of_count(0)
     total = np.logaddexp(0.0, special.logsumexp([one.weight for one in found]) + first) if found else 0.0
     by_direction = defaultdict(list)
@@ -72,15 +74,16 @@ def _in_time(problem: Problem, fitted: Fitted) -> UnknownAxes:
         # when something happened in one run says nothing of another one
         if not any(signal.of_time for signal in one.unknown.signals):
             by_direction[one.unknown.direction].append(one)
-    likely, others = {}, []
+    likely, others, something = {}, [], 0.0
     for direction, ours in by_direction.items():
         probability = float(np.exp(special.logsumexp([one.weight for one in ours]) + first - total))
+        something += probability
         near = (one.unknown.signals for one in ours if one.weight >= ours[0].weight - LEAST_EVIDENCE)
         if direction.axis is not None:
             likely[direction.axis] = probability, list(dict.fromkeys(s for signals in near for s in signals))
         if probability >= NAMED_AT:
             others.append((direction.axis, ours[0].unknown.structure))
-    return UnknownAxes(noise, likely, tuple(others))
+    return UnknownAxes(noise, likely, tuple(others), something)
 
 
 def _at_rest(problem: Problem, fitted: Fitted) -> UnknownAxes:

@@ -36,7 +36,6 @@ from exactarm.diagnose.selected import Selection
 from exactarm.diagnose.signal import Structure
 from exactarm.diagnose.something_else import (
     columns_of_unknown,
-    pieces_of,
     rivals_of_effects,
     weigh_unknown,
 )
@@ -173,7 +172,7 @@ def _unknown(problem: ProblemInTime, bare: Fitted, count: float) -> list[_Cause]
         return []
     rival = rivals_of_effects(problem)
     asked = lambda signal, along: not signal.of_time and rival(signal, along)
-    found = weigh_unknown(problem, bare, count, pieces_of(problem), asked)
+    found = weigh_unknown(problem, bare, count, problem.pieces(), asked)
     if not found:
         return []
     best = max(found, key=lambda one: one.weight).unknown
