@@ -260,8 +260,10 @@ class Fitted:
     def whiten(self, response: np.ndarray) -> np.ndarray:
         """(N m + r, k) of a response (N, m, k), in units of the noise, with nothing in the rows of the
         priors."""
-        data = self.standard(response)
-        return np.concatenate([data, np.zeros((len(self.prior_rows), data.shape[1]))])
+        white = np.zeros((self.data_numbers + len(self.prior_rows), response.shape[2]))
+        data = white[: self.data_numbers].reshape(response.shape)
+        np.multiply(self.decorrelated(response), self.scale[:, :, None], out=data)
+        return white
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ Limits: one wave at a time, slower ones than two periods in a run belong to drif
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import fft, linalg, special
@@ -140,11 +141,13 @@ def wave_instead(problem: ProblemInTime, selection: Selection, first: int) -> Wa
 
 @dataclass(frozen=True)
 class _Wave:
-    """Whitened columns beside the declared parameters; level of the noise around it; Gram matrix with the
-    columns of the effects, product with the residual; norm of a typical column."""
+    """Whitened columns (N, m, 2 terms), one of each run and component in the place of all, and what the
+    declared parameters absorb of them (b, K); level of the noise around it; Gram matrix with the columns of
+    the effects, product with the residual; norm of a typical column."""
 
     frequency: float
     columns: np.ndarray
+    absorbed: np.ndarray
     level: float
     gram: np.ndarray
     onto: np.ndarray
@@ -189,7 +192,8 @@ class _Contest:
         self._count, self._families = count, families
         ends = np.cumsum([0, *(cause.columns.shape[1] for cause in causes)])
         self._slices = [np.arange(a, b) for a, b in zip(ends[:-1], ends[1:])]
-        self._columns = self._beside_declared(np.concatenate([cause.columns for cause in causes], axis=1))
+        columns = np.concatenate([cause.columns for cause in causes], axis=1)
+        self._columns = columns - bare.basis @ (bare.basis.T @ columns)
         self._residual = bare.free_residual
         self._square = float(self._residual @ self._residual)
         self._gram = self._columns.T @ self._columns
@@ -197,9 +201,6 @@ class _Contest:
         prior = np.concatenate([cause.prior for cause in causes])
         self._penalty = 1.0 / prior**2 + RIDGE * np.diag(self._gram) + np.finfo(float).tiny
         self._prices = [self._price(cause, where) for cause, where in zip(causes, self._slices)]
-
-    def _beside_declared(self, columns: np.ndarray) -> np.ndarray:
-        return columns - self._bare.basis @ (self._bare.basis.T @ columns)
 
     def _price(self, cause: _Cause, where: np.ndarray) -> float:
         prior = cause.prior
@@ -217,23 +218,47 @@ class _Contest:
         """Residual that the likeliest set beside the wave leaves."""
         kept = self.best(wave)[1]
         own = self._indices(kept)
-        columns = np.concatenate([self._columns[:, own], wave.columns], axis=1)
-        return self._residual - columns @ self._with_wave(wave, own, max(_SIZES))[2]
+        values = self._with_wave(wave, own, max(_SIZES))[2]
+        explained = self._columns[:, own] @ values[: own.size]
+        explained -= self._bare.basis @ (wave.absorbed @ values[own.size :])
+        rows, components = self._bare.residual.shape
+        moved = np.zeros((rows, components))
+        for run, each in zip(self._runs, values[own.size :].reshape(len(self._runs), -1, components)):
+            moved[run] = np.einsum("kct,tc->kc", wave.columns[run], each)
+        explained[: moved.size] += moved.ravel()
+        return self._residual - explained
 
     def wave(self, frequency: float, terms: int) -> _Wave:
         rows, components = self._bare.residual.shape
-        response = np.zeros((rows, components, len(self._runs), 2 * terms, components))
+        response = np.zeros((rows, components, 2 * terms))
+        for run in self._runs:
+            response[run] = waves(self._time[run], frequency, terms)[:, None]
+        # noise of a run and a component says nothing of the others, so that each has the same columns
+        columns = self._bare.standard(response).reshape(response.shape)
+        parts, wide = self._parts, (len(self._runs), 2 * terms, components)
+        beside, own = np.zeros((parts[0][0].shape[1], *wide)), np.zeros((*wide, *wide))
         for number, run in enumerate(self._runs):
-            columns = waves(self._time[run], frequency, terms)
             for c in range(components):
-                response[run, c, number, :, c] = columns
-        columns = self._bare.whiten(response.reshape(rows, components, -1))
-        columns = self._beside_declared(columns)
-        own = columns.T @ columns
-        cross = self._columns.T @ columns
+                part = columns[run, c]
+                beside[:, number, :, c] = parts[number][c].T @ part
+                own[number, :, c, number, :, c] = part.T @ part
+        beside, own = beside.reshape(len(beside), -1), own.reshape(np.prod(wide), -1)
+        count = self._columns.shape[1]
+        cross, onto, absorbed = beside[:count], beside[count], beside[count + 1 :]
+        own -= absorbed.T @ absorbed
         gram = np.block([[self._gram, cross], [cross.T, own]])
-        return _Wave(frequency, columns, 1.0, gram, np.concatenate([self._onto, columns.T @ self._residual]),
+        return _Wave(frequency, columns, absorbed, 1.0, gram, np.concatenate([self._onto, onto]),
                      float(np.sqrt(np.median(np.diag(own)))))
+
+    @cached_property
+    def _parts(self) -> list[list[np.ndarray]]:
+        """Of each run and component: columns of the effects, residual and basis of the declared
+        parameters."""
+        numbers, shape = self._bare.data_numbers, self._bare.residual.shape
+        split = [each[:numbers].reshape(*shape, -1)
+                 for each in (self._columns, self._residual[:, None], self._bare.basis)]
+        return [[np.concatenate([each[run, c] for each in split], axis=1) for c in range(shape[1])]
+                for run in self._runs]
 
     def best(self, wave: _Wave | None) -> tuple[float, frozenset[int]]:
         """Log weight of the likeliest set beside the wave, and its effects: from all of them one by one out,
