@@ -55,6 +55,16 @@ def fitted_problem(robot, data):
     return problem, problem.declared()
 
 
+def test_effects_that_poses_show_step_by_step_are_bagged_pose_by_pose(monkeypatch):
+    """Of two halves of measured poses of a UR10 one had a base with 0.9997 and the other a spring instead."""
+    problem, declared = fitted_problem(*poses({"effect": "gear_ratio", "joint": 2, "scale": 1e-3}))
+    asked = []
+    monkeypatch.setattr(selection, "bagged_contest", lambda *given: asked.append(given[-1]) or 0.6)
+    found, = selection.select(problem, declared).accepted
+    assert found.effect.label == "gear_ratio_2" and found.probability == 0.6
+    np.testing.assert_array_equal(np.sort(asked[0]), np.arange(60))
+
+
 @pytest.mark.slow
 def test_nothing_is_proposed_for_an_axis_that_stands_still():
     problem, declared = fitted_problem(*poses(still=(3,)))

@@ -7,6 +7,8 @@ Of order n and cutoff f_c, sampled with step h (bilinear transform), it takes a 
 which is applied to the spectrum: scipy.signal, which filters in time, takes half a second to import.
 """
 
+from functools import lru_cache
+
 import numpy as np
 from scipy import fft
 
@@ -21,18 +23,24 @@ def butterworth(values: np.ndarray, order: int, cutoff_hz: float, step: float) -
     count = len(values)
     periods = np.log(1.0 / _FADED) / (2.0 * np.pi * np.sin(np.pi / (2 * order)))
     pad = min(count - 1, int(np.ceil(periods / (cutoff_hz * step))))
-    fast = fft.next_fast_len(count + 2 * pad, real=True) - count - pad
-    after = min(count - 1, fast)
-    ahead = np.fft.rfftfreq(count + pad + after)  # waves a sample
-    with np.errstate(over="ignore"):
-        taken = 1.0 / (1.0 + (np.tan(np.pi * ahead) / np.tan(np.pi * cutoff_hz * step)) ** (2 * order))
+    after = min(count - 1, fft.next_fast_len(count + 2 * pad, real=True) - count - pad)
+    whole = count + pad + after
+    taken = _taken(whole, order, cutoff_hz * step)[:, None]
+    share = np.linspace(0.0, 1.0, whole)[:, None]
     out = np.empty_like(values, dtype=float)
     for first in range(0, values.shape[1], _COLUMNS):
         part = values[:, first : first + _COLUMNS]
         longer = np.concatenate([2.0 * part[0] - part[pad:0:-1], part,
                                  2.0 * part[-1] - part[-2 : -after - 2 : -1]])
         # what is left of a line from end to end goes on periodically; the line itself passes as it is
-        line = np.linspace(longer[0], longer[-1], len(longer))
-        smooth = fft.irfft(fft.rfft(longer - line, axis=0) * taken[:, None], len(longer), axis=0) + line
-        out[:, first : first + _COLUMNS] = smooth[pad : pad + count]
+        line = longer[0] + share * (longer[-1] - longer[0])
+        smooth = fft.irfft(fft.rfft(longer - line, axis=0) * taken, whole, axis=0)
+        out[:, first : first + _COLUMNS] = (smooth + line)[pad : pad + count]
     return out
+
+
+@lru_cache(maxsize=16)
+def _taken(count: int, order: int, cutoff: float) -> np.ndarray:
+    """(count // 2 + 1,) what passes of the waves in so many samples; cutoff: in waves a sample."""
+    with np.errstate(over="ignore"):
+        return 1.0 / (1.0 + (np.tan(np.pi * np.fft.rfftfreq(count)) / np.tan(np.pi * cutoff)) ** (2 * order))
