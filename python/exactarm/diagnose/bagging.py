@@ -23,6 +23,7 @@ from exactarm.diagnose.scan import linear_columns, prior_of
 from exactarm.diagnose.vocabulary import emptied
 from exactarm.effects.base import Effect
 
+HOPELESS = 40.0  # nats behind the likeliest, which no draw of pieces makes up for
 _DRAWS = 500  # a probability of one half is known to 2 %
 
 
@@ -48,6 +49,9 @@ def bagged_contest(without: Fitted, own: tuple[Effect, float], rivals: list[tupl
                    count: float, pieces: np.ndarray) -> float:
     """Probability of an effect beside rivals in its place, and beside none; each with its log evidence over
     the fit without it. pieces (N,): of the rows."""
+    rivals = [rival for rival in rivals if rival[1] > own[1] - HOPELESS]
+    if not rivals and own[1] > HOPELESS:
+        return 1.0
     left, evidence = [without.free_residual], [0.0]
     for effect, each in (own, *rivals):
         columns = without.cleared(linear_columns(without, emptied(effect)))

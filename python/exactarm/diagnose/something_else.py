@@ -22,7 +22,7 @@ import numpy as np
 from scipy import special
 
 from exactarm import _core
-from exactarm.diagnose.bagging import bagged, squares_by_piece
+from exactarm.diagnose.bagging import HOPELESS, bagged, squares_by_piece
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import free_mask, grid, regularised_gain
@@ -32,7 +32,6 @@ from exactarm.diagnose.unknown import AMPLITUDE, Unknown, Wave, functions_of_wav
 from exactarm.diagnose.vocabulary import DESCRIBED, SCALE_WEIGHTS, SCALES, UNKNOWN_MASS, emptied
 from exactarm.effects.base import Effect
 
-_HOPELESS = 40.0  # nats behind the likeliest, which no draw of pieces makes up for
 _STEP = 10.0**0.5  # between scales beyond the largest of the vocabulary, which no size may lie above
 
 
@@ -72,7 +71,7 @@ def beside_unknown(problem: Problem, steps: list[tuple[Fitted, Effect]],
         return Beside(1.0, None)
     best = max(found, key=lambda one: one.weight).unknown
     evidence = np.array([own, *(one.weight for one in found)])
-    near = evidence > evidence.max() - _HOPELESS
+    near = evidence > evidence.max() - HOPELESS
     by_piece, kept = zip(squares, *(one.squares for one in found))
     if not near[0]:
         return Beside(float(np.exp(own - special.logsumexp(evidence))), best.structure)
