@@ -11,6 +11,7 @@ from exactarm.diagnose.diagnosis import Finding
 from exactarm.effects import library
 from exactarm.effects.axis_units import moves_by, of_a_slide
 from exactarm.effects.backlash import Backlash
+from exactarm.effects.gear_ratio import GearRatio
 from exactarm.effects.joint_compliance import JointCompliance
 from exactarm.effects.joint_coupling import JointCoupling
 from exactarm.effects.joint_offset import JointOffset
@@ -29,6 +30,16 @@ def test_a_coupling_is_in_the_units_of_its_two_axes(joint, motor, said, name, un
     effect = JointCoupling(joint, (float(motor), 1.6e-3))
     assert effect.describe_on(ARM) == said
     assert effect.in_units_of(ARM, "coupling_rad_per_rad") == name and unit_of(name) == unit
+
+
+def test_a_sliding_axis_has_no_gear_ratio_but_a_scale_of_its_travel():
+    """"A wrong gear ratio" was said of a rail."""
+    slide, turn = GearRatio(3, (2e-4,)), GearRatio(1, (2e-4,))
+    assert slide.in_plain_words_on(ARM) == "a wrong scale of the travel"
+    assert slide.describe_on(ARM) == ("axis 3 travels 1 + 0.0002 times as far as is declared, 0.2 mm in a "
+                                      "metre")
+    assert turn.in_plain_words_on(ARM) == "a wrong gear ratio"
+    assert "the gear of axis 1" in turn.describe_on(ARM)
 
 
 def test_tables_say_the_unit_of_the_axis():

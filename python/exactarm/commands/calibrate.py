@@ -53,6 +53,7 @@ from exactarm.report.numbers import change, quantities
 from exactarm.report.plots.parameters import parameter_forest
 from exactarm.robot.robot import Robot
 
+_KEPT = "These keep their values: those declared, or of a frame that is not, those of the first guess."
 NAME = "calibrate"
 HELP = "identify the geometry (and joint compliance) from measured poses"
 WRITES = (*ROBOT_FILES, *PICTURES, "residuals.csv", "payloads.csv")
@@ -320,7 +321,7 @@ def _parameter_sections(robot: Robot, result: Calibration) -> tuple[Any, ...]:
     return *figures, *tables, *frames
 
 
-def dropped_table(dropped: Sequence[Dropped], note: str = "These keep their declared values.",
+def dropped_table(dropped: Sequence[Dropped], note: str = _KEPT,
                   heading: str = "Not identified") -> Table:
     return Table(heading, ("parameter", "why"), tuple((entry.name, entry.why) for entry in dropped), note)
 

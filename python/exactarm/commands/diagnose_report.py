@@ -154,7 +154,7 @@ def _next(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contributi
     """What the reader does with this page."""
     lines = []
     stood, refuted = stood_and_refuted(result.findings)
-    corrected = sorted({f.effect.in_plain_words for f in stood if f.effect.compensable})
+    corrected = sorted({f.effect.in_plain_words_on(robot) for f in stood if f.effect.compensable})
     if found and not _pays(result):
         lines.append("The causes are probable by the fitted rows, but do not lower the error of the others: "
                      "keep your robot file until a new measurement decides.")

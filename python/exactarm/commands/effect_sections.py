@@ -78,7 +78,7 @@ def causes_in_words(result: Diagnosis, found: Sequence[tuple[Finding, Contributi
     """All causes in one phrase, the largest at the tool first; like ones of several axes together."""
     groups: dict[str, list[tuple[Finding, Contribution | None]]] = {}
     for finding, contribution in found:
-        groups.setdefault(finding.effect.in_plain_words, []).append((finding, contribution))
+        groups.setdefault(finding.effect.in_plain_words_on(result.robot), []).append((finding, contribution))
     size = lambda members: max((c.at_tool or 0.0 for _, c in members if c is not None), default=0.0)
     told = dict(zip(groups, quantities([size(members) for members in groups.values()], "m")))
     phrases = []
@@ -136,9 +136,9 @@ def _at_tool_note(result: Diagnosis, told: Sequence[Contribution]) -> str:
     return note
 
 
-def _cause(effect: Effect) -> str:
+def _cause(effect: Effect, robot: Robot) -> str:
     """In plain words, with the name by which pictures, files and documents call it."""
-    name, words = effect.name.replace("_", " "), effect.in_plain_words
+    name, words = effect.name.replace("_", " "), effect.in_plain_words_on(robot)
     return words if name in words or words == effect.title else f"{words} ({name})"
 
 
@@ -156,7 +156,7 @@ def _row(result: Diagnosis, finding: Finding, contribution: Contribution | None)
     share = getattr(finding, "own_share", None)
     others = [other for other in getattr(finding, "set", None) or () if _label(other) != effect.label]
     return [
-        _cause(effect), "" if effect.joint is None else str(effect.joint), measure, size,
+        _cause(effect, result.robot), "" if effect.joint is None else str(effect.joint), measure, size,
         None if tool is None else Quantity(1e6 * tool, "µm"),
         None if share is None else f"{100.0 * share:.0f} %", percent(finding.probability),
         ", ".join(f"{_label(other).replace('_', ' ')} ({percent(_probability(other))})" for other in others)]

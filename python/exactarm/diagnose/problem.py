@@ -15,7 +15,7 @@ from exactarm.data.dataset import Dataset
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.in_space import InSpace
 from exactarm.diagnose.signal import APPROACH, Direction, Signal, Structure
-from exactarm.diagnose.unknown import AMPLITUDE, Pattern, Wave, unknown_functions
+from exactarm.diagnose.unknown import AMPLITUDE, Function, Pattern, Wave, unknown_functions
 from exactarm.effects import library
 from exactarm.effects.base import Effect
 from exactarm.effects.harmonic_family import orders_by_side, searched_orders
@@ -143,10 +143,10 @@ class Problem(ABC):
         """Patterns (N, m), two each, along which what stands behind an axis could bend across it."""
         return {}
 
-    def unknown_functions(self, fitted: Fitted):
-        """What may be missing that no effect describes: `unknown.unknown_functions`."""
-        return unknown_functions(self.signals(fitted), self.directions(fitted), self.tilts(fitted),
-                                 self.unknown_waves(fitted))
+    def unknown_functions(self, fitted: Fitted) -> list[Function]:
+        """What may be missing that no effect describes."""
+        return list(unknown_functions(self.signals(fitted), self.directions(fitted), self.tilts(fitted),
+                                      self.unknown_waves(fitted)))
 
     def unknown_waves(self, fitted: Fitted, instead: Iterable[Effect] = ()) -> list[Wave]:
         """Waves that may turn an axis, where no effect of the library does; `instead` of effects that are not

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from scipy import special
@@ -134,7 +135,7 @@ def _functions(problem: Problem, signals: dict, part: dict, waves: Iterable[Wave
               if all(asked(signal, along) for along in part)}
     free = [wave for wave in waves
             if all(wave.by is None or asked(wave.by, along) for along in part if along.axis == wave.axis)]
-    made = unknown_functions(wanted, part, {}, ()) + functions_of_waves(signals, part, free)
+    made = chain(unknown_functions(wanted, part, {}, ()), functions_of_waves(signals, part, free))
     for unknown, response, sizes in made:
         yield unknown, response, [unit * size for size in sizes]
 

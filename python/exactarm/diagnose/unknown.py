@@ -31,8 +31,9 @@ time is no function here: it wanders, slowly or fast, and what its rows share is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -118,6 +119,10 @@ class Unknown:
         return Structure(f"{self.direction} follows {follows}{waves}", self.signals)
 
 
+# What, response (N, m, k), and the sizes (k,) of its coefficients for each length.
+Function: TypeAlias = tuple[Unknown, np.ndarray, list[np.ndarray]]
+
+
 def basis_of(values: np.ndarray, terms: int = _TERMS) -> np.ndarray:
     """(N, terms) basis functions of a signal (N,)."""
     s = _scaled(values)
@@ -145,9 +150,8 @@ def _scaled(values: np.ndarray) -> np.ndarray:
 
 
 def unknown_functions(signals: dict, directions: dict, tilts: dict,
-                      waves: Iterable[Wave]) -> list[tuple[Unknown, np.ndarray, list[np.ndarray]]]:
-    """(what, response (N, m, k), sizes of the coefficients for each length) of every unknown function worth
-    trying."""
+                      waves: Iterable[Wave]) -> Iterator[Function]:
+    """Every unknown function worth trying, one after another: a response is large."""
     counts = {name: len(np.unique(values.round(_DECIMALS))) for name, values in signals.items()}
     curves = {name: values for name, values in signals.items() if counts[name] >= _LEAST_VALUES}
     levels = {name: levels_of(values) for name, values in signals.items()
@@ -155,7 +159,6 @@ def unknown_functions(signals: dict, directions: dict, tilts: dict,
               if 1 < counts[name] < _LEAST_VALUES and name.quantity != DIRECTION}
     turns = {along: pattern for along, pattern in directions.items() if not along.of_tracker}
     device = [pattern for along, pattern in directions.items() if along.of_tracker]
-    found = []
     bases = {name: basis_of(values) for name, values in curves.items()} | levels
     smooth = [AMPLITUDE * sizes_of(length) for length in LENGTHS]
     few = AMPLITUDE * sizes_of(LENGTHS[1], _TERMS_OF_TWO)
@@ -163,30 +166,31 @@ def unknown_functions(signals: dict, directions: dict, tilts: dict,
                for name, basis in bases.items()}
     for name, pattern in turns.items():
         for signal, basis in bases.items():
-            found.append((Unknown(name, (signal,)), _moved([pattern], basis), lengths[signal]))
+            yield Unknown(name, (signal,)), _moved([pattern], basis), lengths[signal]
         side = Signal(APPROACH, name.axis)
         place = [signal for signal in curves if signal.places_axis and signal.axis == name.axis]
         if side in levels and place:
             basis = bases[place[0]] * signals[side][:, None]
-            found.append((Unknown(name, (place[0], side), _BY_SIDE), _moved([pattern], basis), smooth))
+            yield Unknown(name, (place[0], side), _BY_SIDE), _moved([pattern], basis), smooth
     whole = {signal: basis for signal, basis in bases.items()
              if signal.quantity not in _OF_THE_ARM and not signal.of_time}
     for signal, basis in whole.items() if device else ():
-        found.append((Unknown(TRACKER, (signal,)), _moved(device, basis),
-                      [np.tile(size, len(device)) for size in lengths[signal]]))
+        sizes = [np.tile(size, len(device)) for size in lengths[signal]]
+        yield Unknown(TRACKER, (signal,)), _moved(device, basis), sizes
     place = [few_of(curves[name]) for name in curves if name.quantity == POSITION]
     if device and len(place) == 3:
-        found.append(_of_place(place, device))
-    found += [(Unknown(along, (signal,), _TILTED), _moved(patterns, few_of(values)), [np.tile(few, 2)])
-              for along, patterns in tilts.items()
-              for signal, values in curves.items() if signal.quantity == LOAD]
-    return found + _of_two(curves, turns, device) + functions_of_waves(signals, directions, waves)
+        yield _of_place(place, device)
+    for along, patterns in tilts.items():
+        for signal, values in curves.items():
+            if signal.quantity == LOAD:
+                yield Unknown(along, (signal,), _TILTED), _moved(patterns, few_of(values)), [np.tile(few, 2)]
+    yield from _of_two(curves, turns, device)
+    yield from functions_of_waves(signals, directions, waves)
 
 
-def functions_of_waves(signals: dict, directions: dict, waves: Iterable[Wave]) -> list:
+def functions_of_waves(signals: dict, directions: dict, waves: Iterable[Wave]) -> Iterator[Function]:
     """Those among `unknown_functions` that are waves."""
     turns = {along: pattern for along, pattern in directions.items() if along.turns}
-    found = []
     for one in waves:
         order, by = one.order, one.by
         along = next((name for name in turns if name.axis == one.axis), None)
@@ -198,8 +202,7 @@ def functions_of_waves(signals: dict, directions: dict, waves: Iterable[Wave]) -
         wave = np.stack([np.sin(turned), np.cos(turned)], axis=1)
         if by is not None:
             wave *= _factor(by, signals[by])[:, None]
-        found.append((unknown, _moved([turns[along]], wave), [np.full(2, AMPLITUDE)]))
-    return found
+        yield unknown, _moved([turns[along]], wave), [np.full(2, AMPLITUDE)]
 
 
 def _factor(by: Signal, values: np.ndarray) -> np.ndarray:
@@ -225,7 +228,7 @@ def few_of(values: np.ndarray) -> np.ndarray:
     return basis_of(values, _TERMS_OF_TWO)
 
 
-def _of_place(place: list[np.ndarray], device: list[np.ndarray]) -> tuple:
+def _of_place(place: list[np.ndarray], device: list[np.ndarray]) -> Function:
     """The device's axes as functions of where the target is: products of three."""
     product = np.einsum("ni,nj,nk->nijk", *place).reshape(len(place[0]), -1)
     size = sizes_of(LENGTHS[1], _TERMS_OF_TWO)
@@ -234,11 +237,11 @@ def _of_place(place: list[np.ndarray], device: list[np.ndarray]) -> tuple:
             [np.tile(sizes, len(device))])
 
 
-def _of_two(curves: dict, turns: dict, device: list) -> list:
+def _of_two(curves: dict, turns: dict, device: list) -> Iterator[Function]:
     """Products of functions of the angles of two axes, which move one axis, or the device's axes."""
     few = {name: few_of(values) for name, values in curves.items() if name.places_axis}
     size = sizes_of(LENGTHS[1], _TERMS_OF_TWO)
-    names, found = list(few), []
+    names = list(few)
     product_size = AMPLITUDE * np.outer(size, size).ravel()
     moved = {direction: [pattern]
              for direction, pattern in turns.items()} | ({TRACKER: device} if device else {})
@@ -246,6 +249,5 @@ def _of_two(curves: dict, turns: dict, device: list) -> list:
         for other in names[i + 1 :]:
             product = (few[one][:, :, None] * few[other][:, None, :]).reshape(len(few[one]), -1)
             for direction, patterns in moved.items():
-                found.append((Unknown(direction, (one, other), "of two"), _moved(patterns, product),
-                              [np.tile(product_size, len(patterns))]))
-    return found
+                yield (Unknown(direction, (one, other), "of two"), _moved(patterns, product),
+                       [np.tile(product_size, len(patterns))])

@@ -23,7 +23,7 @@ from functools import cached_property
 import numpy as np
 
 from exactarm.diagnose.scan import free_mask, grid
-from exactarm.diagnose.unknown import Unknown
+from exactarm.diagnose.unknown import Function, Unknown
 from exactarm.effects.base import Effect
 
 # prior probability that a cause is none of the library's: one cause in five was, over the first sets of
@@ -190,7 +190,7 @@ class Vocabulary:
 
 
 def vocabulary_of(fitted, effects: list[Effect],
-                  functions: list[tuple[Unknown, np.ndarray, list[np.ndarray]]]) -> Vocabulary:
+                  functions: list[Function]) -> Vocabulary:
     """All candidate `effects` at every point of their grids, and unknown functions."""
     points = [(effect, point) for effect in effects for point in grid(effect)
               if point.keep(fitted.view) is None]

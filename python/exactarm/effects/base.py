@@ -142,6 +142,10 @@ class Effect(ABC):
         """As a technician says it, without the axis: `play in the gear`."""
         return self.plain or self.name.replace("_", " ")
 
+    def in_plain_words_on(self, robot: Robot) -> str:
+        """The same of an axis of this robot, which may slide."""
+        return self.in_plain_words
+
     def orders(self) -> tuple[tuple[float, float], ...]:
         """(cycles per output turn, amplitude in rad) of an angle error that repeats; else empty."""
         return ()

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from exactarm.data.kinds import ALL_KINDS
+from exactarm.effects.axis_units import slides
 from exactarm.effects.base import Change, Effect, Parameter, Station
 
 
@@ -26,6 +27,16 @@ class GearRatio(Effect):
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("scale", 2e-3, -0.2, 0.2),)
+
+    def in_plain_words_on(self, robot) -> str:
+        return "a wrong scale of the travel" if slides(robot, self.joint) else self.in_plain_words
+
+    def describe_on(self, robot) -> str:
+        if not slides(robot, self.joint):
+            return super().describe_on(robot)
+        scale = self.values[0]
+        return (f"axis {self.joint} travels 1 + {scale:.3g} times as far as is declared, "
+                f"{1e3 * scale:.3g} mm in a metre")
 
     def change(self, view) -> Change:
         phi = view.phi[:, [self.index]]

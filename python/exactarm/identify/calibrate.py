@@ -320,13 +320,12 @@ def _warnings(fit: PoseFit, data: Dataset, found: list):
         yield (
             f"only {fit.fit.freedom} degrees of freedom for {fit.layout.size} parameters: measure more poses")
     for session, frames in found:
-        if frames.other_tool is not None:
+        # where all axes are parallel no pose tells the two apart, and none needs to
+        if frames.other_tool is not None and not _parallel(fit.robot):
             there = target_on_flange(Placement(position=frames.other_tool), fit.robot.controller)
             point = ", ".join(f"{1e3 * value:.0f}" for value in there.position)
-            advice = ("all axes are parallel, so no pose tells them apart, and none needs to"
-                      if _parallel(fit.robot) else "measure poses that differ more in orientation")
             yield (f"session {session}: another minimum is as good, with the target at ({point}) mm on the "
-                   f"flange: {advice}")
+                   "flange: measure poses that differ more in orientation")
         if not 0.9 < frames.scale < 1.1:
             yield (f"session {session}: measured points spread {frames.scale:.3g} times as far as the model "
                    "says")
