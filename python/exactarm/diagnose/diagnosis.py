@@ -32,7 +32,7 @@ from exactarm.diagnose.selected import Accepted, Selection
 from exactarm.diagnose.selection import Progress, select, select_anew
 from exactarm.diagnose.signal import Structure
 from exactarm.diagnose.standing import Dropped, Judged, errors_of
-from exactarm.diagnose.unknown_axes import UnknownAxes, unknown_axes
+from exactarm.diagnose.unknown_axes import UnknownAxes, supported_axes
 from exactarm.diagnose.verdict import (
     NOTHING,
     UNEXPLAINED,
@@ -195,7 +195,7 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
         verdict = verdict_of_causes(causes, after, noise, excess)
     beyond = None
     if verdict == NOTHING and problem.unknown_rivals:
-        beyond = unknown_axes(problem, last)
+        beyond = supported_axes(problem, last)
         verdict = NOTHING if beyond.something < NAMED_AT else UNEXPLAINED
     waves = problem.waves(last, noise.value if noise.measured else None)
     unknown = _unknown_beside(causes, (*findings, *dropped))

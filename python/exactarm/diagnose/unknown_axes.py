@@ -16,7 +16,8 @@ from functools import partial
 import numpy as np
 from scipy import special
 
-from exactarm.diagnose.decisions import LEAST_EVIDENCE, NAMED_AT
+from exactarm.diagnose.cross_validation import CrossValidation, folds_of
+from exactarm.diagnose.decisions import LEAST_EVIDENCE, LEAST_NATS, NAMED_AT
 from exactarm.diagnose.evidence import Members, Picture
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.joint_fit import count_of
@@ -24,8 +25,9 @@ from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.search import log_prior_of_count, search
 from exactarm.diagnose.search_round import alike, basis_of
 from exactarm.diagnose.signal import Signal, Structure
-from exactarm.diagnose.something_else import weigh_unknown
+from exactarm.diagnose.something_else import Weighed, columns_of_unknown, weigh_unknown
 from exactarm.diagnose.vocabulary import vocabulary_of
+from exactarm.diagnose.worth import takes_enough
 from exactarm.noise.estimate import estimate_noise
 from exactarm.noise.model import NoiseModel
 
@@ -60,13 +62,33 @@ class UnknownAxes:
 
 def unknown_axes(problem: Problem, fitted: Fitted) -> UnknownAxes:
     """Beside the model of a fit."""
-    return _at_rest(problem, fitted) if problem.by_posterior else _in_time(problem, fitted)
-
-
-def _in_time(problem: Problem, fitted: Fitted) -> UnknownAxes:
+    if problem.by_posterior:
+        return _at_rest(problem, fitted)
     count = count_of(problem, fitted)
+    return _in_time(fitted, count, _weighed(problem, fitted, count))
+
+
+def supported_axes(problem: Problem, fitted: Fitted) -> UnknownAxes:
+    """Of a series, beside the model of a fit to which nothing else objects: the likeliest functions count
+    only where cross-validation supports one of them, as it has to support effects. Evidence trusts its
+    noise: of noise with a memory, or of torques in twelve steps, functions had 0.99."""
+    count = count_of(problem, fitted)
+    parted = CrossValidation.of(fitted, folds_of(problem.groups(), problem.seed))
+    found = sorted(_weighed(problem, fitted, count), key=lambda one: -one.weight)
+    while found and found[0].weight > -LEAST_NATS:
+        columns = columns_of_unknown(problem, fitted, found[0].unknown, count)
+        if takes_enough(problem, fitted, *columns, parted):
+            break
+        del found[0]
+    return _in_time(fitted, count, found)
+
+
+def _weighed(problem: Problem, fitted: Fitted, count: float) -> list[Weighed]:
+    return weigh_unknown(problem, fitted, count, problem.pieces(), lambda signal, along: True)
+
+
+def _in_time(fitted: Fitted, count: float, found: list[Weighed]) -> UnknownAxes:
     noise = KnownNoise(fitted, count + fitted.spent)
-    found = weigh_unknown(problem, fitted, count, problem.pieces(), lambda signal, along: True)
     first = log_prior_of_count(1) - log_prior_of_count(0)
     total = np.logaddexp(0.0, special.logsumexp([one.weight for one in found]) + first) if found else 0.0
     by_direction = defaultdict(list)
