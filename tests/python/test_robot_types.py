@@ -216,7 +216,8 @@ def test_a_table_without_the_tilt_of_parallel_axes_is_as_good_as_one_with_it():
         joint if joint.beta is None else replace(joint, beta=0.0) for joint in leaning_scara().joints))
     plain, whole = (ea.calibrate(robot, made.data, seed=8, threads=1) for robot in (scara(), level))
     for result in (plain, whole):
-        assert not [line for line in result.warnings if "beta" in line]
+        # nor of the target's height, which no pose of parallel axes shows and none needs to
+        assert not [line for line in result.warnings if "beta" in line or "another minimum" in line]
         assert result.after["validation"].mean < 2.5 * NOISE_M
 
 

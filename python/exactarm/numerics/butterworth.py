@@ -12,7 +12,9 @@ from functools import lru_cache
 import numpy as np
 from scipy import fft
 
-_FADED = 1e-9  # after three periods, 7e-4 of order 4, a kink there moved accelerations by 22 rad/s2
+# At 7e-4, three periods of order 4, a kink past the end still bends accelerations within it:
+# test_springs_answer_as_the_arm_swings (tests/python/test_tracked_motion.py) fails.
+_FADED = 1e-9
 _COLUMNS = 64  # filtered at once: their spectra take some ten times their memory
 
 
