@@ -232,6 +232,11 @@ class View:
         than differences between samples follow."""
         return self.turned_in_a_step is not None and order * self.turned_in_a_step[index] > _FAST_RAD
 
+    def shown_of_wave(self, index: int, order: float) -> tuple[np.ndarray, np.ndarray] | None:
+        """(N,) share of a wave over the motor angle of an axis (from 0) that shows in a row, which stands for
+        several samples, and its slope by the order; None where all of it does."""
+        return None
+
     def shown(self, displacement: np.ndarray) -> np.ndarray:
         """(N, m, k) what displacements of the target (N, 6, k) do to the numbers that are read."""
         return displacement if self.through is None else self.through(displacement)

@@ -131,6 +131,20 @@ def test_slope_of_friction_that_turns_over_within_a_few_samples(width):
     assert_derivative(predict, layout.values, jacobian, 2e-5, relative=1e-3)
 
 
+def test_a_ripple_that_passes_from_row_to_row_is_no_torque_of_any_row():
+    """At its fastest the motor turns by one wave from one row to the next: the rows alone saw a constant."""
+    robot = six_axis()
+    record = record_of(robot, seconds=8.0, bandwidth_hz=8.0)
+    assert record.samples.every == 2
+    turns = np.abs(record.theta_dot[:, 3]) / (2.0 * np.pi)
+    ripple = library()["torque_ripple"](4, (1.0 / (record.step * turns.max()), 1.0, 0.0))
+    torque = [predict_motion(robot, Layout.of(effects), record, tangents=False).torque[:, 3]
+              for effects in ((), (ripple,))]
+    fast = record.keep & (turns > 0.9 * turns.max())
+    assert fast.sum() > 20
+    assert np.max(np.abs(torque[1] - torque[0])[fast]) < 0.02
+
+
 def test_response_to_an_effect_outside_the_layout():
     """What the diagnosis asks of a candidate is its column in a layout that has it."""
     robot = six_axis()

@@ -50,6 +50,17 @@ class LogSamples:
                                            shape=(rows.size, count)))
         return sparse.block_diag(blocks, format="csr")
 
+    def shown_of_wave(self, turns: np.ndarray, order: float) -> tuple[np.ndarray, np.ndarray] | None:
+        """(N,) share of a wave, `order` cycles a turn of a motor that makes `turns` (N,) of them a second,
+        that `gathered` leaves in a row, and its slope by the order; None where it leaves all. A wave that
+        passes faster than half the sampling rate is in the log at the frequency to which it folds."""
+        if self.every == 1 or self.cutoff_hz is None:
+            return None
+        folds = np.round(order * turns * self.step) / self.step
+        seen = (order * turns - folds) / self.cutoff_hz
+        left = 1.0 / (1.0 + seen ** (2 * ORDER))
+        return left, -2 * ORDER * left**2 * seen ** (2 * ORDER - 1) * turns / self.cutoff_hz
+
     def spread(self, values: np.ndarray, runs) -> np.ndarray:
         """(S,) of values (N,) at the rows `runs` of the record, linear between them."""
         parts = []

@@ -79,6 +79,12 @@ class MotionView(View):
                        for own, change in ((samples.angle, moved), (samples.rate, faster)))
         return angle, rate
 
+    def shown_of_wave(self, index: int, order: float) -> tuple[np.ndarray, np.ndarray] | None:
+        record = self.evaluated[2]
+        if record.samples is None:
+            return None
+        return record.samples.shown_of_wave(np.abs(record.theta_dot[:, index]) / (2.0 * np.pi), order)
+
     def sign_by_rate(self, index: int) -> np.ndarray | None:
         record = self.evaluated[2]
         if record.samples is None or record.dry.reach[index]:

@@ -43,8 +43,13 @@ class TorqueRipple(DriveEffect):
         theta = view.theta[:, self.index]
         c, s = np.cos(order * theta), np.sin(order * theta)
         slope = sine * c - cosine * s
-        derivative = np.stack([theta * slope, c, s], axis=1)[:, None, :]
-        value = cosine * c + sine * s
+        value, by_order = cosine * c + sine * s, theta * slope
+        shown = view.shown_of_wave(self.index, order)
+        if shown is not None:
+            left, slope_of_left = shown
+            by_order = left * by_order + slope_of_left * value
+            value, slope, c, s = (left * each for each in (value, slope, c, s))
+        derivative = np.stack([by_order, c, s], axis=1)[:, None, :]
         return Change((self.index,), value[:, None], derivative, self.by_signal(view, theta=order * slope))
 
     @classmethod
