@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from exactarm import _core, cli
 from exactarm.commands.diagnose import _json
@@ -69,6 +70,30 @@ def test_cables_that_two_axes_wind_up_are_something_else(racer, size_nm):
     assert result.verdict == UNEXPLAINED and not result.findings
     assert "axis 1 follows the angle of axis 5 and the angle of axis 6" in result.sentence
     assert _json(result)["probability_something_else"] > 0.99
+
+
+@pytest.mark.slow
+def test_noise_that_neighbours_share_is_noise_however_slow_the_log(racer):
+    """At 100 Hz nothing tells how much of it lies in the band: the white part alone, a third of it here, was
+    the floor, and clean torque unexplained."""
+    random = np.random.default_rng(8)
+
+    def shared(angle, rate, acceleration):
+        steps = random.normal(0.0, 1.0, angle.shape)
+        return 1.2 * signal.lfilter([np.sqrt(1.0 - 0.9**2)], [1.0, -0.9], steps, axis=0)
+
+    result = diagnose(racer, motion(racer, shared))
+    assert result.verdict == NOTHING and not result.findings
+    assert result.noise.source == "spectrum of the residual without its lines"
+    assert result.noise.value == pytest.approx(result.after["identification"].rms, rel=0.15)
+
+
+@pytest.mark.slow
+def test_a_machine_nearby_is_no_noise(racer):
+    time = np.arange(1200) / 100.0
+    result = diagnose(racer, motion(racer, lambda angle, *_: 2.5 * np.sin(2.0 * np.pi * 3.3 * time)[:, None]
+                                    * (np.arange(6) == 1)))
+    assert result.verdict == UNEXPLAINED and not result.findings
 
 
 @pytest.mark.slow

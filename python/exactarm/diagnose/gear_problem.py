@@ -50,7 +50,7 @@ from exactarm.identify.gear_declared import declared_gear_layout, sensor_layout
 from exactarm.identify.gear_fit import fit_gear_runs
 from exactarm.identify.sensor_tone import find_tones, hum_at, without_tones
 from exactarm.noise.autocorrelation import lags_within, memory_in
-from exactarm.noise.broadband import broadband_noise, line_above, oscillation
+from exactarm.noise.broadband import broadband_noise, columns_in_pieces, line_above, oscillation
 from exactarm.noise.drifting import DriftingNoise
 from exactarm.numerics.orthonormal import orthonormal
 from exactarm.numerics.regression import Fit
@@ -375,8 +375,7 @@ class GearProblem(ProblemInTime):
     def _pieces(self, fitted: Fitted) -> list[list[np.ndarray]]:
         """The unfiltered residual without gaps, of each component."""
         errors = self._deviations(fitted, self.data).reshape(len(self.data), -1)
-        return [[column[piece] for rows in self._records["identification"].runs
-                 for piece in _without_gaps(rows, np.isfinite(column[rows]))] for column in errors.T]
+        return columns_in_pieces(errors, self._records["identification"].runs)
 
     def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
         return separating_run(self.robot, fitted, self.record, one, other)
@@ -389,9 +388,3 @@ def _less(data: Dataset, record: GearRecord, parts) -> Dataset:
     for rows, values in parts:
         reading[rows] -= values
     return with_reading(data, axes, reading)
-
-
-def _without_gaps(rows: np.ndarray, kept: np.ndarray) -> list[np.ndarray]:
-    """The rows that are kept, in pieces between those that are not."""
-    ends = np.flatnonzero(np.diff(kept)) + 1
-    return [piece for piece, keep in zip(np.split(rows, ends), kept[np.r_[0, ends]]) if keep]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import pickle
 from dataclasses import dataclass, field, fields, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -46,6 +46,7 @@ from exactarm.identify.dynamics import (
 from exactarm.identify.friction_width import dry_friction
 from exactarm.identify.motion_fit import MotionFit, fit_motion
 from exactarm.identify.session_payloads import payload_layout_of_motion
+from exactarm.noise.broadband import broadband_noise, columns_in_pieces
 from exactarm.numerics.white_noise import rise_towards_band, white_noise
 from exactarm.robot.axes_in_words import axes_in_words
 from exactarm.robot.robot import Robot
@@ -114,7 +115,6 @@ class MotionProblem(ProblemInTime):
 
     unit = "Nm"
     kind = MOTION.name
-    repeat_source = "white noise of the torque above the band of the motion"
     unknown_rivals = True
     followed_by_effects = frozenset({SPEED, DIRECTION})  # by frictions
     unknown_size = 1.0  # Nm: a third of what the library holds plausible of a friction
@@ -204,12 +204,17 @@ class MotionProblem(ProblemInTime):
     def _residual(self, fitted: Fitted, data: Dataset) -> np.ndarray:
         """(N', m) measured minus predicted away from ends and reversals, as many for every fit; NaN where
         nobody knows what dry friction holds."""
+        record, residual = self._of_rows(fitted, data)
+        return residual[record.inside & ~record.at_reversal]
+
+    def _of_rows(self, fitted: Fitted, data: Dataset) -> tuple[MotionRecord, np.ndarray]:
+        """The record of any rows, and the same (N, m) of all of them, NaN where none is defined."""
         record = fitted.record
         if data is not self.data:
             record = replace(self._record_of(data), dry=record.dry.elsewhere())
         prediction = predict_motion(self.robot, fitted.layout, record, tangents=False, threads=self.threads)
         residual = np.where(record.keep[:, None], prediction.residual(), np.nan)
-        return residual[record.inside & ~record.at_reversal][:, self.record.measured_axes]
+        return record, residual[:, self.record.measured_axes]
 
     def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
         return np.abs(self._residual(fitted, data)).ravel()
@@ -261,12 +266,30 @@ class MotionProblem(ProblemInTime):
     def error_of_unit_noise(self, fitted: Fitted) -> float:
         return float(np.sqrt(np.nanmean(self._residual(fitted, self.data) ** 2)))
 
-    def repeat_noise(self, fitted: Fitted) -> float | None:
-        """From the torque as it was logged, above what moves an arm: its white noise, as much as passes the
-        low-pass, and what the noise of the angles adds to it.
+    @property
+    def repeat_source(self) -> str:
+        return ("spectrum of the residual without its lines" if self._white_noise is None
+                else "white noise of the torque above the band of the motion")
 
-        None where that noise is not white, or grows towards the band on every axis: then nothing says how
-        much of it lies below.
+    def repeat_noise(self, fitted: Fitted) -> float | None:
+        """From the torque as it was logged, its white noise; where nothing says how much of the noise lies
+        in the band of the motion, the smooth part of the residual's spectrum."""
+        unit, noise = self.error_of_unit_noise(fitted), self._white_noise
+        if noise is None:
+            record, residual = self._of_rows(fitted, self.data)
+            levels = [broadband_noise(pieces) for pieces in columns_in_pieces(residual, record.runs)]
+            if any(level is None for level in levels):
+                return None
+            noise = float(np.sqrt(np.mean(np.square(levels))))
+        return min(noise / unit, 1.0)
+
+    @cached_property
+    def _white_noise(self) -> float | None:
+        """Nm of the torque above what moves an arm, as much as passes the low-pass, and what the noise of the
+        angles adds to it.
+
+        None where that noise is not white, grows towards the band on every axis, or is sampled too slowly
+        to tell: then nothing says how much of it lies below.
         """
         axes = self.record.measured_axes
         torque = measured_torque(self.robot, self.data)[:, axes]
@@ -284,10 +307,9 @@ class MotionProblem(ProblemInTime):
             variances.append(fine**2)
         if band is not None:
             rise = rise_towards_band(parts, step, max(band, BANDWIDTH_HZ))
-            if rise is not None and np.min(rise) > _WHITE:
+            if rise is None or np.min(rise) > _WHITE:
                 return None
-        floor = np.sqrt(np.mean(variances + beside) * self.record.white_share(step))
-        return float(min(floor / self.error_of_unit_noise(fitted), 1.0))
+        return float(np.sqrt(np.mean(variances + beside) * self.record.white_share(step)))
 
     def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
         return separating_motion(self.robot, fitted, fitted.record, one, other)

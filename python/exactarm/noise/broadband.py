@@ -14,7 +14,7 @@ robust level of a spectrum's continuum.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -38,6 +38,20 @@ def broadband_noise(pieces: Sequence[np.ndarray]) -> float | None:
     if not long or 2 * rows < sum(piece.size for piece in pieces):
         return None
     return float(np.sqrt(sum(piece.size * _variance(piece) for piece in long) / rows))
+
+
+def columns_in_pieces(values: np.ndarray, runs: Iterable[np.ndarray]) -> list[list[np.ndarray]]:
+    """Each column of values (N, m), NaN where nothing is defined, in pieces of one run (row indices, in the
+    order of time) without gaps."""
+    runs = list(runs)
+    return [[column[piece] for rows in runs for piece in _without_gaps(rows, np.isfinite(column[rows]))]
+            for column in values.T]
+
+
+def _without_gaps(rows: np.ndarray, kept: np.ndarray) -> list[np.ndarray]:
+    """The rows that are kept, in pieces between those that are not."""
+    ends = np.flatnonzero(np.diff(kept)) + 1
+    return [piece for piece, keep in zip(np.split(rows, ends), kept[np.r_[0, ends]]) if keep]
 
 
 def line_above(columns: Sequence[Sequence[np.ndarray]], noise: float, step: float) -> float | None:
