@@ -32,11 +32,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from robustness.same_numbers import EQUAL, differences
 from robustness.short_runs import OTHER_PROCESSOR, RUNS, environment, prepare, words_of
 
-PACKAGE, WATCHED = Path(cli.__file__).parents[1], Path(__file__).parents[1] / "robustness/watched.py"
+PACKAGE = Path(cli.__file__).parents[1]
+ROBUSTNESS = Path(__file__).parents[1] / "robustness"
+WATCHED, FULL_DISK = ROBUSTNESS / "watched.py", ROBUSTNESS / "full_disk.py"
 PARTS = {"batch": ["*/*"], "demo": ["*/*"]}  # folders that commands of their own write
 CHANGES = ("run", "seconds", "files", "asked", "pdf")  # keys of result.json that a second run has anew
 PLANNED_IN = r"iterations and [0-9.]+ \w*s\b"  # how long a plan took, in a verdict
-LEAST_FILE = 4096  # bytes that a file may have on the full disk
 
 
 @pytest.fixture(scope="module")
@@ -135,18 +136,23 @@ def test_the_watch_sees_what_leaves_the_folder(folder, tmp_path):
     assert done.returncode == 3 and str(folder / "effects") in done.stderr
 
 
+@pytest.fixture(scope="module")
+def on_full_disks(folder):
+    """command -> what its run on a full disk does."""
+    done = subprocess.run([sys.executable, str(FULL_DISK)], env=environment(PACKAGE, folder), text=True,
+                          capture_output=True, timeout=1800)
+    assert (done.returncode, done.stderr) == (0, "")
+    return {each["command"]: each for each in map(json.loads, done.stdout.splitlines())}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("command", RUNS)
-def test_a_full_disk_is_one_line_and_no_result(command, folder, tmp_path):
-    # bytecode that is cut off at the limit would spoil the runs of other tests
-    limited = ("import resource, sys; sys.dont_write_bytecode = True\n"
-               f"resource.setrlimit(resource.RLIMIT_FSIZE, ({LEAST_FILE},) * 2)\n"
-               "from exactarm.cli import main; sys.exit(main())")
-    done = run(command, folder, tmp_path / "out", ["-c", limited], 1)
-    assert done.returncode == 1 and done.stderr.count("\n") == 1
-    assert done.stderr.startswith("exactarm: error: ") and "fault" not in done.stderr
+def test_a_full_disk_is_one_line_and_no_result(command, on_full_disks):
+    done = on_full_disks[command]
+    assert done["code"] == 1 and done["told"].count("\n") == 1
+    assert done["told"].startswith(f"exactarm: error: {done['out']}: ") and "fault" not in done["told"]
     if command != "batch":  # its result, were it small enough, would tell of the jobs that failed
-        assert not list((tmp_path / "out").rglob("result.json"))
+        assert not done["left"]
 
 
 @pytest.mark.parametrize("command", RUNS)

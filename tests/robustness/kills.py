@@ -86,7 +86,7 @@ def _run(command: str, folder: Path) -> None:
     sys.exit(code)
 
 
-def _forked(work: Callable[..., None], *given: object) -> multiprocessing.Process:
+def forked(work: Callable[..., None], *given: object) -> multiprocessing.Process:
     threads = [path.read_text().strip() for path in Path("/proc/self/task").glob("*/comm")]
     assert len([name for name in threads if name != ALLOCATOR]) == 1, f"threads that a fork loses: {threads}"
     process = multiprocessing.get_context("fork").Process(target=work, args=given)
@@ -97,7 +97,7 @@ def _forked(work: Callable[..., None], *given: object) -> multiprocessing.Proces
 def _whole_run(command: str, folder: Path) -> float:
     """Seconds of a run that nobody kills; it must end well."""
     began = time.monotonic()
-    process = _forked(_run, command, folder)
+    process = forked(_run, command, folder)
     process.join(MOST_SECONDS)
     out = folder / "out" / command
     if process.exitcode != 0 or not (out / "result.json").exists() or not_whole(out):
@@ -108,7 +108,7 @@ def _whole_run(command: str, folder: Path) -> float:
     return time.monotonic() - began
 
 
-def _import_as_runs() -> None:
+def import_as_runs() -> None:
     """What any run imports: a process that has started no thread and read no table."""
     for module in pkgutil.walk_packages(exactarm.__path__, "exactarm."):
         if not module.name.endswith("__main__"):
@@ -132,7 +132,7 @@ def kills(command: str, count: int, folder: Path, random: np.random.Generator) -
     longest = _whole_run(command, folder)
     for number in range(count):
         after = longest * random.uniform(LATE if number % 2 else 0.0, 1.0)
-        began, process = time.monotonic(), _forked(_run, command, folder)
+        began, process = time.monotonic(), forked(_run, command, folder)
         process.join(after)
         took = time.monotonic() - began
         process.kill()
@@ -155,8 +155,8 @@ def main() -> int:
     arguments = parser.parse_args()
     failed = 0
     with tempfile.TemporaryDirectory() as temporary:
-        _forked(prepare, Path(temporary)).join()
-        _import_as_runs()
+        forked(prepare, Path(temporary)).join()
+        import_as_runs()
         for command in arguments.commands or RUNS:
             random = np.random.default_rng([arguments.seed, list(RUNS).index(command)])
             done = list(kills(command, arguments.count, Path(temporary), random))

@@ -11,6 +11,7 @@ A file of the user among the plots is no reason to refuse: a picture of its name
 from __future__ import annotations
 
 import argparse
+import errno
 import fcntl
 import itertools
 import json
@@ -39,6 +40,7 @@ PLOTS = "plots"
 ALWAYS = (RESULT, "report.html")
 PICTURES = (f"{PLOTS}/*.svg", f"{PLOTS}/*.png")
 ROBOT_FILES = ("robot.toml", "robot.urdf")
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # disk, quota, largest file: said without a name
 
 
 def may_write(module: Any, arguments: argparse.Namespace) -> list[str]:
@@ -79,9 +81,11 @@ class OutputFolder:
             raise
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, _: object = None, error: object = None, *__: object) -> None:
         shutil.rmtree(self._partial, ignore_errors=True)
         self._unlock()
+        if isinstance(error, OSError) and error.errno in _FULL and error.filename is None:
+            error.filename = str(self.path)  # so that the line says which disk
 
     def _lock(self) -> None:
         self._owned = os.open(self.path, os.O_RDONLY | os.O_DIRECTORY)
