@@ -247,7 +247,8 @@ def _posterior(result: Diagnosis) -> dict[str, Any]:
     causes = result.causes
     if causes is None:
         something = result.beyond.something if result.beyond else None
-        return {"probability_nothing": None if something is None else 1.0 - something,
+        without = min((1.0 - finding.probability for finding in result.findings), default=1.0)
+        return {"probability_nothing": None if something is None else without * (1.0 - something),
                 "probability_something_else": something, "false_alarm_rate": None, "self_test": None}
     return {"probability_nothing": causes.probability_nothing,
             "probability_something_else": causes.probability_something_else,

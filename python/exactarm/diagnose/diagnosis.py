@@ -34,7 +34,6 @@ from exactarm.diagnose.signal import Structure
 from exactarm.diagnose.standing import Dropped, Judged, errors_of
 from exactarm.diagnose.unknown_axes import UnknownAxes, supported_axes
 from exactarm.diagnose.verdict import (
-    NOTHING,
     UNEXPLAINED,
     held_out_excess,
     no_verdict,
@@ -136,7 +135,7 @@ class Diagnosis:
     excluded_error: float | None = None  # m, median of the rows that are left out
     excluded_places: tuple[str, ...] = ()  # of these rows, in words
     left_over: LeftOver | None = None
-    beyond: UnknownAxes | None = None  # beside a model in which by all else nothing is missing
+    beyond: UnknownAxes | None = None  # of series: beside a model to which nothing else objects
 
     @property
     def converged(self) -> bool:
@@ -194,9 +193,9 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     else:
         verdict = verdict_of_causes(causes, after, noise, excess)
     beyond = None
-    if verdict == NOTHING and problem.unknown_rivals:
+    if verdict != UNEXPLAINED and problem.unknown_rivals:
         beyond = supported_axes(problem, last)
-        verdict = NOTHING if beyond.something < NAMED_AT else UNEXPLAINED
+        verdict = verdict if beyond.something < NAMED_AT else UNEXPLAINED
     waves = problem.waves(last, noise.value if noise.measured else None)
     unknown = _unknown_beside(causes, (*findings, *dropped))
     unconverged = _unconverged(selection)

@@ -73,8 +73,10 @@ class ProblemInTime(Problem):
             if "theta_ddot" in view.signals:
                 signals[Signal(ACCELERATION, i + 1)] = view.signals["theta_ddot"][:, i]
             signals[Signal(LOAD, i + 1)] = view.torque[:, i]
-            # of what a motor repeats every turn one turn tells nothing: its angle is that of the axis
-            if self.motors_within_revolutions and np.ptp(view.theta[:, i]) > 4.0 * np.pi:
+            # of what a motor repeats every turn one turn tells nothing: its angle is that of the axis; and of
+            # waves that fold back nobody knows the order
+            shown = self.motors_within_revolutions and not view.folded[i]
+            if shown and np.ptp(view.theta[:, i]) > 4.0 * np.pi:
                 within = np.mod(view.theta[:, i], 2.0 * np.pi)
                 signals[Signal(MOTOR_ANGLE, i + 1, "within a revolution")] = within
         signals |= {Signal(TIME): data.time} | {Signal(name): each for name, each in data.covariates.items()}
