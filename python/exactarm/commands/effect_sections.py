@@ -87,7 +87,9 @@ def causes_in_words(result: Diagnosis, found: Sequence[tuple[Finding, Contributi
         widths = [c.peak_to_peak[0] for _, c in members if c is not None and c.curve and c.unit == "rad"
                   and c.effect.station is not Station.GEOMETRY]
         sizes = [f"up to {quantity(max(widths), 'rad')} peak to peak"] if widths else []
-        sizes += [f"{told[words]} at the tool"] if size(members) else []
+        # of positions: what the geometry, estimated again, cannot make up for
+        after = " after calibration" if result.unit == "m" else ""
+        sizes += [f"{told[words]} at the tool{after}"] if size(members) else []
         sizes += [f"{result.excluded} rows, {quantity(left.value, 'm')} off in the median"
                   if result.excluded > 1 else f"1 row, {quantity(left.value, 'm')} off"
                   for finding, _ in members if (left := rows_left_out(result, finding))]
