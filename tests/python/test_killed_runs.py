@@ -99,6 +99,7 @@ def test_a_file_that_is_missing_or_of_another_run_is_seen(tmp_path):
 @pytest.fixture(scope="module")
 def kills_of_all(tmp_path_factory):
     """(output of the program that kills every command in turn, its exit code)."""
+    # of one seed: the moments of a command hang on it and the command's place in RUNS, not on those before
     words = ["--count", os.environ.get("EXACTARM_KILLS", "2"), "--seed", str(SEED)]
     folder = tmp_path_factory.mktemp("kills")
     paths = {"PYTHONPATH": str(Path(cli.__file__).parents[1]), "TMPDIR": str(folder)}

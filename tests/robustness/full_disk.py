@@ -40,15 +40,14 @@ def _run(command: str, folder: Path, told: int) -> None:
 
 def on_a_full_disk(command: str, folder: Path) -> dict[str, object]:
     """What the short run of `command` in a prepared `folder` does."""
-    read, write = os.pipe()
+    out, (read, write) = folder / "out" / command, os.pipe()
     process = forked(_run, command, folder, write)
     os.close(write)
     with open(read) as said:
         told = said.read()
     process.join(MOST_SECONDS)
-    left = sorted(str(path) for path in (folder / "out" / command).rglob("result.json"))
-    out = str(folder / "out" / command)
-    return {"command": command, "out": out, "code": process.exitcode, "told": told, "left": left}
+    left = sorted(str(path) for path in out.rglob("result.json"))
+    return {"command": command, "out": str(out), "code": process.exitcode, "told": told, "left": left}
 
 
 def main() -> None:
