@@ -24,8 +24,13 @@ def not_noise(noise: NoiseModel) -> tuple[Structure, ...]:
     if noise.together:
         found.append(Structure(f"the {noise.together} rows that err most lie together in space, and err the "
                                "same way"))
-    drifts = noise.stretches < DRIFTS_BELOW and noise.common_to_neighbours >= Problem.share_left
-    if drifts or (noise.wander_over_rest >= WANDERS_AT and noise.common_to_neighbours >= COMMON):
+    counts = noise.common_to_neighbours >= Problem.share_left
+    drifts = counts and noise.stretches < DRIFTS_BELOW
+    if counts and noise.jumps:
+        times = "once" if noise.jumps == 1 else f"{noise.jumps} times"
+        found.append(Structure(f"the device jumps {times}: likelier than noise that neighbouring rows share",
+                               wanders=True))
+    elif drifts or (noise.wander_over_rest >= WANDERS_AT and noise.common_to_neighbours >= COMMON):
         shared = noise.wander_over_rest**2 - 1.0
         does = "drifts with time" if drifts else "wanders or jumps"
         found.append(Structure(

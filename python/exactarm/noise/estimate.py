@@ -19,6 +19,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import special
 
+from exactarm.noise.jumps import jumps_of
 from exactarm.noise.model import NoiseModel
 from exactarm.noise.rounding import evened
 from exactarm.noise.wandering import gain_of, wandering_of
@@ -80,7 +81,12 @@ def estimate_noise(
     gain = {k: values[k] + (model.wandering.gain if model.wandering is not None else 0.0)
             for k, model in wandering.items()}
     best = wandering[max(gain, key=lambda k: gain[k])]
-    return replace(best, together=together if best.wandering is None else 0)
+    if best.wandering is None:
+        return replace(best, together=together)
+    white = lambda columns: columns * (np.sqrt(best.weight)[:, None] / best.sigma)[:, :, None]
+    jumps = jumps_of(white(e[:, :, None])[:, :, 0], order, None if declared is None else white(declared),
+                     best.wandering)
+    return replace(best, jumps=jumps)
 
 
 def _with_visits(noise: NoiseModel, residual: np.ndarray, lost: float, visits: np.ndarray | None,

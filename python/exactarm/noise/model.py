@@ -32,7 +32,7 @@ class NoiseModel:
     every row, in the measurement's units, None where nothing is rounded. wandering: what neighbours in
     the order (N,) of the rows have in common. wrong_probability: that any row is wrong by itself, and no
     heavy tail of all of them. together: how many rows seemed to be, yet lie together in space and err the
-    same way, and nothing in time explains that.
+    same way, and nothing in time explains that. jumps: how many are likelier than the wandering (jumps.py).
     """
 
     sigma: np.ndarray
@@ -47,6 +47,7 @@ class NoiseModel:
     order: np.ndarray | None = None
     wrong_probability: float = 0.0
     together: int = 0
+    jumps: int = 0
 
     @property
     def held_share(self) -> float:
