@@ -27,7 +27,7 @@ from exactarm.diagnose.joint_fit import candidates_for, count_of, refit
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import Candidate, linear_columns, scan
 from exactarm.diagnose.selected import Accepted, Selection
-from exactarm.diagnose.something_else import Beside, beside_unknown, rivals_of_effects, weigh_unknown
+from exactarm.diagnose.something_else import Beside, beside_unknown
 from exactarm.diagnose.vocabulary import emptied
 from exactarm.diagnose.worth import is_worth
 from exactarm.effects.base import Effect
@@ -232,15 +232,13 @@ def with_shares(problem: Problem, declared: Layout, accepted: Sequence[Accepted]
     accepted = _bagged(problem, first, accepted, fitted)
     field = lambda without: candidates_for(problem, without)
     numbers = lambda without: count_of(problem, without)
-    further = weigh_unknown(problem, fitted, numbers(fitted), problem.pieces(), rivals_of_effects(problem),
-                            [own.effect for own in accepted]) if places else []
 
     def beside(group: list[int]) -> Beside:
         steps, without = [], fitted
         for place in reversed(group):
             effect, without = without.layout.effects[first + place], without.without(first + place)
             steps.insert(0, (without, effect))
-        return beside_unknown(problem, steps, field, numbers, further)
+        return beside_unknown(problem, steps, field, numbers)
 
     alone = {place: beside([place]) for place in places}
     stand = [place for place in places if alone[place].share >= NAMED_AT]

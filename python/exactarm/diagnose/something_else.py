@@ -9,15 +9,13 @@ law:
 
 n: independent numbers, S: square sum of the residual. An effect that imitates the shape of another cause is
 beaten by a function that takes it exactly, several effects that imitate it together by one function in the
-place of all; one that is far larger than plausible pays for it. An effect is seldom right in every detail: a
-function of which it takes nearly all is likelier beside it than in its place, as it is smaller there, so
-p_effects are those with no function beside them and with each of those that could be instead. The share is
-that of these alone: other effects of the library compete in the contest (selection.py).
+place of all; one that is far larger than plausible pays for it. The share is that of these alone: other
+effects of the library compete in the contest (selection.py).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import chain
 
@@ -47,12 +45,11 @@ class Beside:
 
 
 def beside_unknown(problem: Problem, steps: list[tuple[Fitted, Effect]],
-                   candidates: Callable[[Fitted], list[Effect]], count: Callable[[Fitted], float],
-                   further: Sequence[Weighed] = ()) -> Beside:
+                   candidates: Callable[[Fitted], list[Effect]], count: Callable[[Fitted], float]) -> Beside:
     """Effects together, at their values, beside unknown functions of the problem's signals.
 
     steps: each effect with the fit without it and those after it; candidates: the library beside a fit;
-    count: its independent numbers; further: unknown functions over the fit with all effects.
+    count: its independent numbers.
     """
     without, pieces = steps[0][0], problem.pieces()
     own, squares = 0.0, None
@@ -74,18 +71,13 @@ def beside_unknown(problem: Problem, steps: list[tuple[Fitted, Effect]],
     if not found:
         return Beside(1.0, None)
     best = max(found, key=lambda one: one.weight).unknown
-    instead_of = {one.unknown for one in found}
-    both = [one for one in further if one.unknown in instead_of]
-    beside = own + log_prior_of_count(len(steps) + 1) - log_prior_of_count(len(steps))
-    evidence = np.array([own, *(beside + one.weight for one in both), *(one.weight for one in found)])
-    ours = np.arange(len(evidence)) <= len(both)
+    evidence = np.array([own, *(one.weight for one in found)])
     near = evidence > evidence.max() - HOPELESS
-    by_piece, kept = zip(squares, *(one.squares for one in (*both, *found)))
-    if not near[ours].any():
-        share = np.exp(special.logsumexp(evidence[ours]) - special.logsumexp(evidence))
-        return Beside(float(share), best.structure)
+    by_piece, kept = zip(squares, *(one.squares for one in found))
+    if not near[0]:
+        return Beside(float(np.exp(own - special.logsumexp(evidence))), best.structure)
     shares = bagged(evidence[near], np.array(by_piece)[near], np.array(kept)[near], count(without))
-    return Beside(float(np.sum(shares[ours[near]])), best.structure)
+    return Beside(float(shares[0]), best.structure)
 
 
 @dataclass(frozen=True)
