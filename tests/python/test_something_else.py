@@ -9,7 +9,7 @@ import pytest
 from exactarm.chain import Layout, predict_tracked_motion
 from exactarm.data.dataset import Dataset
 from exactarm.diagnose.problems import problem_for
-from exactarm.diagnose.something_else import beside_unknown, scales_up_to
+from exactarm.diagnose.something_else import beside_unknown, columns_of_unknown, scales_up_to, weigh_unknown
 from exactarm.diagnose.verdict import EXPLAINED, sentence_of
 from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES
 from exactarm.effects import effect_from_table
@@ -64,6 +64,21 @@ def test_a_function_of_two_angles_is_likelier_than_the_coupling_that_imitates_it
     found = share_of_a_coupling(robot, replace(data, position=data.position
                                                + by_angle * (q[:, 2] * q[:, 1] ** 2)[:, None]))
     assert found.share < 0.01 and " follows the " in str(found.likeliest)
+
+
+@pytest.mark.slow
+def test_every_function_that_was_weighed_has_its_columns_alone(path):
+    """Those that move the device, along all of its axes, had none: a diagnosis that asked for them ended."""
+    robot, data, *_ = path
+    problem = problem_for(robot, data, data.select(np.zeros(len(data), bool)), 1, 0)
+    fitted = problem.fit(problem.declared())
+    numbers = float(fitted.residual.size)
+    found = weigh_unknown(problem, fitted, numbers, problem.pieces(), lambda signal, along: True)
+    sorts = {(one.unknown.direction, one.unknown.form): one.unknown for one in found}
+    assert {form for along, form in sorts if along.of_tracker} == {"smooth", "of two", "of place"}
+    for unknown in sorts.values():
+        columns, sizes = columns_of_unknown(problem, fitted, unknown, numbers)
+        assert columns.shape == (len(fitted.whitened), len(sizes)) and columns.any()
 
 
 def test_sizes_beyond_the_vocabulary_pay_by_the_same_law():

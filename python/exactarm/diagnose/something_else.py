@@ -28,8 +28,15 @@ from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import free_mask, grid, regularised_gain
 from exactarm.diagnose.search import log_prior_of_count
-from exactarm.diagnose.signal import Direction, Signal, Structure
-from exactarm.diagnose.unknown import AMPLITUDE, Unknown, Wave, functions_of_waves, unknown_functions
+from exactarm.diagnose.signal import PLACE, POSITION, TRACKER, Direction, Signal, Structure
+from exactarm.diagnose.unknown import (
+    AMPLITUDE,
+    Pattern,
+    Unknown,
+    Wave,
+    functions_of_waves,
+    unknown_functions,
+)
 from exactarm.diagnose.vocabulary import DESCRIBED, SCALE_WEIGHTS, SCALES, UNKNOWN_MASS, emptied
 from exactarm.effects.base import Effect
 
@@ -116,15 +123,29 @@ def columns_of_unknown(problem: Problem, without: Fitted, unknown: Unknown,
                        count: float) -> tuple[np.ndarray, np.ndarray]:
     """Whitened columns (R, k) of an unknown function, and the sizes (k,) of their coefficients that are
     likeliest."""
-    part = {along: pattern for along, pattern in problem.movements(without).items()
-            if along == unknown.direction}
-    alone = lambda signal, along: signal in unknown.signals
-    made = _functions(problem, problem.signals(without), part, [unknown.wave] if unknown.wave else [], alone)
-    response, sizes = next(each for own, *each in made if own == unknown)
-    added = _Added.to(without, without.whiten(response))
+    response, sizes = response_of(problem, unknown, problem.signals(without), problem.movements(without))
+    columns = without.whiten(response)
+    return columns, likeliest_size(without, columns, sizes, count)
+
+
+def response_of(problem: Problem, unknown: Unknown, signals: dict[Signal, np.ndarray],
+                movements: dict[Direction, Pattern]) -> tuple[np.ndarray, list[np.ndarray]]:
+    """(N, m, k) of an unknown function, and the sizes (k,) of its coefficients for each length."""
+    along, place = unknown.direction, Signal(PLACE) in unknown.signals
+    part = {name: pattern for name, pattern in movements.items()
+            if name == along or along == TRACKER and name.of_tracker}
+    asked = lambda signal, _: signal in unknown.signals or place and signal.quantity == POSITION
+    made = _functions(problem, signals, part, [unknown.wave] if unknown.wave else [], asked)
+    return next((response, sizes) for own, response, sizes in made if own == unknown)
+
+
+def likeliest_size(without: Fitted, columns: np.ndarray, sizes: list[np.ndarray],
+                   count: float) -> np.ndarray:
+    """(k,) standard deviations of the coefficients of whitened columns (R, k), of all lengths and scales."""
+    added = _Added.to(without, columns)
     weighed = [(*added.weighed(size, count), size) for size in sizes]
     _, _, scale, size = max(weighed, key=lambda each: each[0])
-    return added.columns, scale * size
+    return scale * size
 
 
 def _functions(problem: Problem, signals: dict, part: dict, waves: Iterable[Wave],
