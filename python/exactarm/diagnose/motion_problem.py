@@ -30,7 +30,7 @@ from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.next_motions import separating_motion
 from exactarm.diagnose.problem_in_time import ProblemInTime
 from exactarm.diagnose.scan import free_mask
-from exactarm.diagnose.signal import DIRECTION, SPEED, Direction, Signal, measured_of
+from exactarm.diagnose.signal import DIRECTION, SPEED, Direction, Signal, Structure, measured_of
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.base_parameters import base_parameters
 from exactarm.identify.declared import carried_layout, require_geometry
@@ -46,7 +46,7 @@ from exactarm.identify.dynamics import (
 from exactarm.identify.friction_width import dry_friction
 from exactarm.identify.motion_fit import MotionFit, fit_motion
 from exactarm.identify.session_payloads import payload_layout_of_motion
-from exactarm.noise.broadband import broadband_noise, columns_in_pieces
+from exactarm.noise.broadband import broadband_noise, columns_in_pieces, line_of_its_own
 from exactarm.numerics.white_noise import rise_towards_band, white_noise
 from exactarm.robot.axes_in_words import axes_in_words
 from exactarm.robot.robot import Robot
@@ -310,6 +310,15 @@ class MotionProblem(ProblemInTime):
             if rise is None or np.min(rise) > _WHITE:
                 return None
         return float(np.sqrt(np.mean(variances + beside) * self.record.white_share(step)))
+
+    def shakes(self, fitted: Fitted) -> tuple[Structure, ...]:
+        record, residual = self._of_rows(fitted, self.data)
+        predicted = record.torque[:, fitted.measured] - residual
+        parts = (columns_in_pieces(each, record.runs) for each in (residual, predicted))
+        found = (line_of_its_own(*pieces, record.step) for pieces in zip(*parts))
+        words = "axis {} shakes at {:.3g} Hz, whatever the arm does"
+        return tuple(Structure(words.format(axis + 1, hertz), hertz=hertz)
+                     for axis, hertz in zip(fitted.measured, found) if hertz is not None)
 
     def separating_experiment(self, fitted: Fitted, one: Effect, other: Effect) -> str:
         return separating_motion(self.robot, fitted, fitted.record, one, other)

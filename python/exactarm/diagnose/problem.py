@@ -185,6 +185,11 @@ class Problem(ABC):
         floor, in the unit of the errors; empty where there are none, or where nothing is known of them."""
         return ()
 
+    def shakes(self, fitted: Fitted) -> tuple[Structure, ...]:
+        """Of what no cause explains, what is one wave in time that nothing predicted has; empty where nothing
+        is known of it."""
+        return ()
+
     def share_of_measured(self, fitted: Fitted) -> float:
         """RMS of what is left over that of what was measured, where that starts at nothing (torques); else
         0."""

@@ -29,6 +29,10 @@ _LOUD, _LEAST_LOUD, _SURE = 2.0, 0.17, 4.0
 # each: a level by the median of n = N / 2 exponential values scatters by 1.44 / sqrt(n), their mean, which is
 # part of it, by 1 / sqrt(n)
 _LINES, _SCATTER = 1.1, 3.0
+# of a line of its own: its share of a residual's square sum, two values either side (Hann's main lobe), and
+# of that of the prediction. A machine nearby had 0.97 and 0.001, a cable bundle that follows the arm 0.51
+# and 0.007 (bench/blind, motions 98505 and 98518)
+_LINE_WIDTH, _MOST, _NEXT_TO_NOTHING = 2, 0.75, 0.005
 
 
 def broadband_noise(pieces: Sequence[np.ndarray]) -> float | None:
@@ -72,6 +76,24 @@ def strongest_line(pieces: Sequence[np.ndarray], step: float) -> float:
     power = _periodogram(piece)
     level = np.concatenate([np.full(cell.size, _level(cell)) for cell in _cells(power)])
     return float((np.argmax(power - level) + 1) / (piece.size * step))
+
+
+def line_of_its_own(pieces: Sequence[np.ndarray], beside: Sequence[np.ndarray],
+                    step: float) -> float | None:
+    """Frequency in Hz of a line that makes most of a residual, in pieces whose samples are `step` s apart,
+    and next to nothing of what was predicted for the same samples; None where there is no such line."""
+    longest = int(np.argmax([piece.size for piece in pieces])) if pieces else 0
+    if not pieces or pieces[longest].size < LEAST_ROWS:
+        return None
+    power, other = (_periodogram(each[longest]) for each in (pieces, beside))
+    level = np.concatenate([np.full(cell.size, _level(cell)) for cell in _cells(power)])
+    peak = int(np.argmax(power - level))
+    near = slice(max(0, peak - _LINE_WIDTH), peak + _LINE_WIDTH + 1)
+    share, predicted = (float(np.sum(each[near]) / max(np.sum(each), np.finfo(float).tiny))
+                        for each in (power, other))
+    if share < _MOST or predicted > _NEXT_TO_NOTHING:
+        return None
+    return float((peak + 1) / (pieces[longest].size * step))
 
 
 def level_around(pieces: Sequence[np.ndarray], step: float, frequency: float) -> float:
