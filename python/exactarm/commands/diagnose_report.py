@@ -171,8 +171,9 @@ def _next(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contributi
         lines.append("Nothing need be added. `robot.toml` of this folder is your robot file with its own "
                      "parameters estimated again from these data.")
     if refuted and corrected:
-        lines.append(f"It also holds {in_words([f.effect.title for f in refuted])}, less likely than not: "
-                     "take its `[[effects]]` out of `robot.toml` unless new rows speak for it.")
+        titles = [*dict.fromkeys(finding.effect.title for finding in refuted)]
+        lines.append(f"It also holds {in_words(titles)}, less likely than not: take its `[[effects]]` out of "
+                     "`robot.toml` unless new rows speak for it.")
     if result.verdict == NOTHING and (worse := worse_elsewhere(result)):
         lines.append(worse)
     if result.verdict == NOTHING and not result.noise.measured:

@@ -17,8 +17,18 @@ from exactarm.data.dataset import Dataset
 from exactarm.diagnose.coloured_noise import ColouredNoise
 from exactarm.diagnose.fitted import Fitted, rows_kept
 from exactarm.diagnose.next_motions import separating_motion
+from exactarm.diagnose.not_noise import WANDERS_AT
 from exactarm.diagnose.problem_in_time import ProblemInTime
-from exactarm.diagnose.signal import PLACE, POSITION, TWO_ANGLES, Direction, Signal, axis_of, turn_of
+from exactarm.diagnose.signal import (
+    PLACE,
+    POSITION,
+    TWO_ANGLES,
+    Direction,
+    Signal,
+    Structure,
+    axis_of,
+    turn_of,
+)
 from exactarm.diagnose.smoothness import second_order
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.calibrate import calibrated_robot, identifiable_layout, require_sessions
@@ -40,6 +50,7 @@ from exactarm.robot.robot import Robot
 _SAME_PATH_RAD = 1e-3
 _LEAST_REPEATED = 100  # samples
 _LEAST_SIGMA = 1e-12
+_LEAST_SEEN = 1e-7  # m: a tracker resolves no less; below, it is the arithmetic of exact data
 _SPREAD_ROWS = 300
 # s: memory of a filtered reading, and of what moves with the arm as it goes by
 _REMEMBERED_S, _WANDERS_S = 0.25, 2.0
@@ -235,6 +246,25 @@ class TrackedProblem(ProblemInTime):
         if numbers < 3 * _LEAST_REPEATED:
             return None
         return float(np.sqrt(squares / numbers / np.mean(fitted.residual[~self.record.at_reversal] ** 2)))
+
+    def waves(self, fitted: Fitted, floor: float | None) -> tuple[Structure, ...]:
+        """What is left where it changes far more from window to window than within one, which no noise of a
+        filtered reading does."""
+        used = np.flatnonzero(fitted.weight > 0.0)
+        slot = np.floor(self.record.data.time[used] / _REMEMBERED_S)
+        windows, counts = np.unique(np.stack([self.record.data.run[used], slot]), axis=1,
+                                    return_inverse=True, return_counts=True)[1:]
+        left, freedom = fitted.residual[used], len(used) - len(counts)
+        if freedom < len(counts):
+            return ()
+        means = np.stack([np.bincount(windows.ravel(), each) for each in left.T], axis=1) / counts[:, None]
+        slow = float(np.sum(counts[:, None] * means**2)) / len(used)
+        fast = float(np.sum((left - means[windows.ravel()]) ** 2)) / freedom
+        if slow + fast < WANDERS_AT**2 * fast or slow < _LEAST_SEEN**2:
+            return ()
+        times = np.sqrt(slow / max(fast, np.finfo(float).tiny))
+        return (Structure(f"it changes slowly along the path, by {times:.2g} times as much as within "
+                          f"{_REMEMBERED_S:.3g} s"),)
 
     def updated_robot(self, fitted: Fitted) -> Robot:
         return calibrated_robot(self.robot, self.data, fitted.layout, fitted.fit, KIND)

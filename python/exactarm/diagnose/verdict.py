@@ -4,7 +4,8 @@
     no_undeclared_effect   nothing was found, and nothing is missing
     unexplained            something else is at work: its posterior probability is above one half, the error
                            on held-out rows is far above what the fit lets expect, repeated visits scatter
-                           far less than the model errs, waves in time stand out of its noise (gear runs), or
+                           far less than the model errs, waves in time stand out of its noise (gear runs), it
+                           changes slowly along a tracked path, or
                            held-out rows speak against the effects found (held_out_evidence.py), unless
                            the fitted rows alone may well be without a cause: then nothing was found
 """

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm.noise.wandering import Wandering
+from exactarm.numerics.orthonormal import added_to, orthonormal
 
 MOST_JUMPS = 6
 _LEAST_NATS = 3.0  # above the wandering: 1 in 20
@@ -25,7 +26,7 @@ def jumps_of(white: np.ndarray, order: np.ndarray, declared: np.ndarray | None,
     (rows, m), by = white.shape, np.argsort(order, kind="stable")
     basis = np.zeros((rows * m, 0))
     if declared is not None:
-        basis = np.linalg.qr(declared[by].reshape(rows * m, -1))[0]
+        basis = orthonormal(declared[by].reshape(rows * m, -1))
     left = white[by].ravel()
     left = left - basis @ (basis.T @ left)
     before = float(left @ left)
@@ -34,11 +35,9 @@ def jumps_of(white: np.ndarray, order: np.ndarray, declared: np.ndarray | None,
     for jumps in range(1, MOST_JUMPS + 1):
         place = _best_place(left.reshape(rows, m), basis.reshape(rows, m, -1))
         columns = np.kron((np.arange(rows) >= place)[:, None], np.eye(m))
-        columns = columns - basis @ (basis.T @ columns)
-        vectors, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-        vectors = vectors[:, sizes**2 > _SEEN * rows]
-        left = left - vectors @ (vectors.T @ left)
-        basis = np.hstack([basis, vectors])
+        more = added_to(basis, columns)
+        left = left - more @ (more.T @ left)
+        basis = np.hstack([basis, more])
         square = max(float(left @ left), np.finfo(float).tiny)
         net.append(0.5 * m * rows * np.log(before / square) - jumps * price)
     best = int(np.argmax(net))
