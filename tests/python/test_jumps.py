@@ -28,7 +28,7 @@ def residual_of(signal, random, declared):
 def jumps_in(residual, declared):
     white = residual / residual.std()
     wandering = wandering_of(white, ORDER, lambda each: each)
-    return 0 if wandering is None else jumps_of(white, ORDER, declared, wandering)
+    return 0 if wandering is None else jumps_of(white, np.ones(ROWS), ORDER, declared, wandering)
 
 
 @pytest.mark.parametrize("places", [(60,), (40, 130)])
@@ -62,6 +62,17 @@ def test_a_jump_that_the_fit_has_taken_is_none():
     residual = residual_of(signal, random, declared)
     assert wandering_of(residual / residual.std(), ORDER, lambda each: each) is not None
     assert jumps_in(residual, declared) == 0
+
+
+def test_rows_without_weight_say_nothing_of_a_jump():
+    """A third of them are left out, and stand at zero on either side."""
+    random = np.random.default_rng(7)
+    weight = np.where(random.random(ROWS) < 0.33, 0.0, 1.0)
+    declared = weight[:, None, None] * fitted_columns(random)
+    jump = np.outer(ORDER >= 60, (2.0, -2.0, 1.0))
+    white = weight[:, None] * residual_of(jump, random, declared)
+    wandering = wandering_of(white, ORDER, lambda each: np.sqrt(np.outer(weight, weight)) * each)
+    assert jumps_of(white, weight, ORDER, declared, wandering) == 1
 
 
 def test_a_device_that_jumps_is_no_noise_and_the_order_of_the_rows_does_not_matter():

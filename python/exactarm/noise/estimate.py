@@ -84,8 +84,8 @@ def estimate_noise(
     if best.wandering is None:
         return replace(best, together=together)
     white = lambda columns: columns * (np.sqrt(best.weight)[:, None] / best.sigma)[:, :, None]
-    jumps = jumps_of(white(e[:, :, None])[:, :, 0], order, None if declared is None else white(declared),
-                     best.wandering)
+    jumps = jumps_of(white(e[:, :, None])[:, :, 0], best.weight, order,
+                     None if declared is None else white(declared), best.wandering)
     return replace(best, jumps=jumps)
 
 
