@@ -68,9 +68,11 @@ def test_rows_without_weight_say_nothing_of_a_jump():
     """A third of them are left out, and stand at zero on either side."""
     random = np.random.default_rng(7)
     weight = np.where(random.random(ROWS) < 0.33, 0.0, 1.0)
-    declared = weight[:, None, None] * fitted_columns(random)
-    jump = np.outer(ORDER >= 60, (2.0, -2.0, 1.0))
-    white = weight[:, None] * residual_of(jump, random, declared)
+    columns = (weight[:, None, None] * fitted_columns(random)).reshape(3 * ROWS, -1)
+    declared = np.linalg.qr(columns)[0].reshape(ROWS, 3, -1)
+    jump = np.outer(ORDER >= 60, (4.0, -4.0, 2.0))
+    white = weight[:, None] * (jump + random.normal(size=(ROWS, 3)))
+    white -= np.tensordot(declared, np.tensordot(declared, white, ([0, 1], [0, 1])), 1)
     wandering = wandering_of(white, ORDER, lambda each: np.sqrt(np.outer(weight, weight)) * each)
     assert jumps_of(white, weight, ORDER, declared, wandering) == 1
 
