@@ -67,19 +67,6 @@ def test_a_function_of_two_angles_is_likelier_than_the_coupling_that_imitates_it
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("detail, least, most", [(0.03, 0.99, 1.0), (0.1, 0.0, 0.01)])
-def test_a_function_that_takes_little_more_is_a_detail_of_a_strong_coupling(path, detail, least, most):
-    """A part of it follows the angles of two axes. Frames take more of the coupling than of that part: 0.03
-    of it is 0.07 of what they leave, 0.1 is 0.22, more than DETAIL. (The share of the first was 0.21.)"""
-    robot, data, coupling, by_angle = path
-    q = data.joints["q"]
-    bent = by_angle * (q[:, 2] * q[:, 1] ** 2)[:, None]
-    bent *= detail * np.sqrt(np.sum(coupling**2) / np.sum(bent**2))
-    found = share_of_a_coupling(robot, replace(data, position=data.position + 30.0 * (coupling + bent)))
-    assert least <= found.share <= most
-
-
-@pytest.mark.slow
 def test_every_function_that_was_weighed_has_its_columns_alone(path):
     """Those that move the device, along all of its axes, had none: a diagnosis that asked for them ended."""
     robot, data, *_ = path

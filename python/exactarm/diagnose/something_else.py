@@ -9,14 +9,8 @@ law:
 
 n: independent numbers, S: square sum of the residual. An effect that imitates the shape of another cause is
 beaten by a function that takes it exactly, several effects that imitate it together by one function in the
-place of all; one that is far larger than plausible pays for it. A function that takes little more than the
-effects do is no rival but a detail of them: a right effect may differ by DETAIL of its size,
-
-    fall of the square sum by the effects >= (1 - DETAIL^2) fall by the function,
-
-and with many rows any function is likelier than a form that is not right to the last digit. What is left then
-is asked beside the effects (unknown_axes.py). The share is that of these alone: other effects of the library
-compete in the contest (selection.py).
+place of all; one that is far larger than plausible pays for it. The share is that of these alone: other
+effects of the library compete in the contest (selection.py).
 """
 
 from __future__ import annotations
@@ -35,22 +29,10 @@ from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import free_mask, grid, regularised_gain
 from exactarm.diagnose.search import log_prior_of_count
 from exactarm.diagnose.signal import PLACE, POSITION, TRACKER, Direction, Signal, Structure
-from exactarm.diagnose.unknown import (
-    AMPLITUDE,
-    Pattern,
-    Unknown,
-    Wave,
-    functions_of_waves,
-    unknown_functions,
-)
+from exactarm.diagnose.unknown import AMPLITUDE, Unknown, Wave, functions_of_waves, unknown_functions
 from exactarm.diagnose.vocabulary import DESCRIBED, SCALE_WEIGHTS, SCALES, UNKNOWN_MASS, emptied
 from exactarm.effects.base import Effect
 
-# of its size, by which a right effect may differ from what acts: gear and geometry through which it passes
-# are declared to some percent. Torques that acted on the other side of a gear with waves differed by 0.05 and
-# 0.07 (bench/blind, motions 98504 and 98511); a cable by tanh differs from the effect that imitates it by
-# 0.16, a wave that grows with the speed from one that does not by 0.24 (tests/python)
-DETAIL = 0.1
 _STEP = 10.0**0.5  # between scales beyond the largest of the vocabulary, which no size may lie above
 
 
@@ -86,9 +68,6 @@ def beside_unknown(problem: Problem, steps: list[tuple[Fitted, Effect]],
     own += log_prior_of_count(len(steps)) - log_prior_of_count(1)
     found = weigh_unknown(problem, without, count(without), pieces, rivals_of_effects(problem),
                           [effect for _, effect in steps])
-    before = float(without.free_residual @ without.free_residual)
-    fall = lambda each: before - float(each[0].sum() + each[1])
-    found = [one for one in found if fall(squares) < (1.0 - DETAIL**2) * fall(one.squares)]
     if not found:
         return Beside(1.0, None)
     best = max(found, key=lambda one: one.weight).unknown
@@ -137,29 +116,16 @@ def columns_of_unknown(problem: Problem, without: Fitted, unknown: Unknown,
                        count: float) -> tuple[np.ndarray, np.ndarray]:
     """Whitened columns (R, k) of an unknown function, and the sizes (k,) of their coefficients that are
     likeliest."""
-    response, sizes = response_of(problem, unknown, problem.signals(without), problem.movements(without))
-    columns = without.whiten(response)
-    return columns, likeliest_size(without, columns, sizes, count)
-
-
-def response_of(problem: Problem, unknown: Unknown, signals: dict[Signal, np.ndarray],
-                movements: dict[Direction, Pattern]) -> tuple[np.ndarray, list[np.ndarray]]:
-    """(N, m, k) of an unknown function, and the sizes (k,) of its coefficients for each length."""
     along, place = unknown.direction, Signal(PLACE) in unknown.signals
-    part = {name: pattern for name, pattern in movements.items()
+    part = {name: pattern for name, pattern in problem.movements(without).items()
             if name == along or along == TRACKER and name.of_tracker}
     asked = lambda signal, _: signal in unknown.signals or place and signal.quantity == POSITION
-    made = _functions(problem, signals, part, [unknown.wave] if unknown.wave else [], asked)
-    return next((response, sizes) for own, response, sizes in made if own == unknown)
-
-
-def likeliest_size(without: Fitted, columns: np.ndarray, sizes: list[np.ndarray],
-                   count: float) -> np.ndarray:
-    """(k,) standard deviations of the coefficients of whitened columns (R, k), of all lengths and scales."""
-    added = _Added.to(without, columns)
+    made = _functions(problem, problem.signals(without), part, [unknown.wave] if unknown.wave else [], asked)
+    response, sizes = next(each for own, *each in made if own == unknown)
+    added = _Added.to(without, without.whiten(response))
     weighed = [(*added.weighed(size, count), size) for size in sizes]
     _, _, scale, size = max(weighed, key=lambda each: each[0])
-    return scale * size
+    return added.columns, scale * size
 
 
 def _functions(problem: Problem, signals: dict, part: dict, waves: Iterable[Wave],
