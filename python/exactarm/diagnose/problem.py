@@ -181,8 +181,9 @@ class Problem(ABC):
         return None
 
     def waves(self, fitted: Fitted, floor: float | None) -> tuple[Structure, ...]:
-        """Waves in time that were likelier than effects, or that stand out of a measured noise
-        floor, in the unit of the errors; empty where there are none, or where nothing is known of them."""
+        """Waves in time that were likelier than effects, or that stand out of a measured noise floor, in the
+        unit of the errors, or what changes too slowly to be noise; empty where there are none, or where
+        nothing is known of them."""
         return ()
 
     def shakes(self, fitted: Fitted) -> tuple[Structure, ...]:
