@@ -49,7 +49,8 @@ def _open_streams() -> None:
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # closed by whoever started us
             setattr(sys, name, open(os.devnull, "w"))
-        getattr(sys, name).reconfigure(errors="backslashreplace")
+        if hasattr(getattr(sys, name), "reconfigure"):  # a notebook's stream takes every character
+            getattr(sys, name).reconfigure(errors="backslashreplace")
 
 
 def _quiet_libraries() -> None:

@@ -1,6 +1,7 @@
 """The frame of the command line: exit codes, one-line errors, whole or absent results."""
 
 import hashlib
+import io
 import json
 import os
 import signal
@@ -150,6 +151,14 @@ def test_in_a_pipe_stderr_holds_the_error_alone(package, tmp_path, capsys, monke
     printed = capsys.readouterr()
     assert printed.out == "preparing\n"
     assert printed.err.count("\n") == 1 and printed.err.startswith("exactarm: error: ")
+
+
+def test_a_notebook_whose_streams_cannot_be_reconfigured_gets_its_text(package, tmp_path, monkeypatch):
+    said = io.StringIO()
+    monkeypatch.setattr(sys, "stdout", said)
+    monkeypatch.setattr(sys, "stderr", said)
+    assert run(package, "weigh", "racer-7-1.4", "--out", tmp_path / "out") == cli.DONE
+    assert "The robot weighs 48 kg." in said.getvalue()
 
 
 def test_debug_prints_the_traceback(package, tmp_path, capsys):
