@@ -40,6 +40,8 @@ def main(argv: Sequence[str] | None = None, package: str = COMMANDS) -> int:
             code = _run(words, progress, package)
             sys.stdout.flush()
             return code
+    except SystemExit as stop:  # of argparse: help is printed, or the words are refused
+        return int(stop.code or DONE)
     except (Exception, KeyboardInterrupt) as error:
         return _report_failure(error, progress, "--debug" in words)
 

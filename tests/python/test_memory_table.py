@@ -235,3 +235,10 @@ def test_where_no_table_is_meant_one_is_refused_in_a_line(expected):
         NO_TABLE[expected](pd.DataFrame(COLUMNS))
     said = str(refused.value)
     assert "DataFrame" in said and f"; expected {expected}" in said and "\n" not in said
+
+
+def test_a_column_that_was_made_the_index_is_read_all_the_same():
+    sessions = np.repeat([1, 2], ROWS // 2)
+    plain = pd.DataFrame(COLUMNS | {"session": sessions})
+    assert np.array_equal(ea.read(plain.set_index("session"), "ur10").session, sessions)
+    assert np.array_equal(ea.read(plain.rename_axis("row"), "ur10").session, sessions)

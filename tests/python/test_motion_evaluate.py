@@ -28,6 +28,9 @@ def test_the_arm_that_made_it_is_off_by_the_noise(motion):
     assert np.sqrt(np.mean(own.error**2)) < 0.5 < 5.0 < np.sqrt(np.mean(other.error**2))
     assert own.residual.shape == (len(own.data), 6) and own.columns[0] == "dtau_1_Nm"
     assert np.allclose(own.error, np.sqrt(np.mean(own.residual**2, axis=1)))
+    # a row's RMS over the axes hides the axis that errs most
+    assert own.overall.max == np.max(np.abs(own.residual)) and own.overall.n == own.residual.size
+    assert own.overall.mean == pytest.approx(np.mean(np.abs(own.residual)))
 
 
 def test_a_file_without_masses_is_refused():

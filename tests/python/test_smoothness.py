@@ -66,3 +66,10 @@ def test_second_order_surface_holds_every_product(rng):
     target = angles[:, 1] * angles[:, 3] - angles[:, 0] ** 2
     left = target - columns @ np.linalg.lstsq(columns, target, rcond=None)[0]
     np.testing.assert_allclose(left, 0.0, atol=1e-12)
+
+
+def test_rows_that_lie_far_apart_say_nothing():
+    residual, apart = np.ones((20, 3)), np.eye(20)  # failed before: division by zero, a tracked straight line
+    none = np.zeros((60, 1))
+    assert follows_space(residual, none, [residual], apart) == (1.0, 0.0)
+    assert follows_space(residual, none, [np.zeros((20, 3))], np.ones((20, 20))) == (1.0, 0.0)

@@ -3,6 +3,7 @@
 import copy
 import pickle
 
+import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure
@@ -103,11 +104,20 @@ def test_corrected_programs_are_a_value(tmp_path):
         result.plot(object())
 
 
+def _first(rows):
+    return pd.read_csv(ea.example("ur10/series_B")).head(rows)
+
+
 REFUSED = {
     "table 1 in memory, column q_2_rad: column missing":
         lambda data: ea.identifiable("ur10", pd.DataFrame({"q_1_rad": [0.0]})),
     "data given as int; expected files": lambda data: ea.calibrate("ur10", [1, 2]),
-    "data given as Dataset; expected files": lambda data: ea.identifiable("ur10", data),
+    "data given as Dataset; expected robot programs": lambda data: ea.compensate("ur10", data),
+    "expected a path, then a robot": lambda data: ea.write_robot("ur10", "x.toml"),
+    "expected a name that ends with .toml": lambda data: ea.write_robot("x.urdf", ea.load_robot("ur10")),
+    "no folder nowhere; expected": lambda data: ea.write_robot("nowhere/x.toml", ea.load_robot("ur10")),
+    "table new 2 in memory: the same content as table before in memory": lambda data: ea.check(
+        "ur10", _first(20), [_first(30), _first(20)]),
     "ur10: no such file": lambda data: ea.read("ur10", "ur10"),
     "use='poses'; expected one of 'auto', 'position', 'pose'":
         lambda data: ea.calibrate("ur10", data, use="poses"),
@@ -131,3 +141,11 @@ def test_data_are_read_with_the_robot_first_too(robot, data, tmp_path):
     file = ea.example("ur10/series_B")
     assert ea.read(given, file) == ea.read(file, given) == ea.read(files=file, robot=given) == data
     assert ea.read(given, [pd.read_csv(file)]).position.shape == data.position.shape
+
+
+def test_data_are_asked_for_what_they_can_show(data):
+    rows = data.select(np.arange(len(data)) < 60)
+    named = ea.identifiable("ur10", rows)
+    assert "60 measured poses" in named.summary()
+    same = ea.identifiable("ur10", _first(60))
+    assert np.array_equal(named.json["singular_values"], same.json["singular_values"])

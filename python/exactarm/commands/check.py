@@ -25,7 +25,7 @@ from exactarm.data.kinds import POSES
 from exactarm.data.rows import Source, by_name
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
-from exactarm.files.memory_table import is_memory_table
+from exactarm.files.memory_table import MemoryTable, is_memory_table
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Estimate, Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import quantity
@@ -79,13 +79,14 @@ def check(robot: AnyRobot, before: AnyData, new: AnyData | Sequence[Any], *,
     progress.plan(STEPS["check"])
     progress.stage(READING)
     arm = robot_of(robot)
-    poses = lambda each: require_poses(data_of(each, arm, POSES.name, columns=columns))
-    reference = poses(before)
+    named = lambda each, which: MemoryTable.of(each, which) if is_memory_table(each) else each
+    poses = lambda each, which: require_poses(data_of(named(each, which), arm, POSES.name, columns=columns))
+    reference = poses(before, "before")
     files = listed(new)
     if not files:
         raise InputError("no data of later days; expected at least one file", file=reference.first_file)
     files = _in_order(files)
-    days = [(_label(each, i), poses(each)) for i, each in enumerate(files, start=1)]
+    days = [(_label(each, i), poses(each, f"new {i}")) for i, each in enumerate(files, start=1)]
     progress.stage(SERIES)
     _require_new(reference, days)
     with suspicions(arm, reference, *(data for _, data in days)) as suspected:

@@ -149,7 +149,7 @@ def _report(robot: Robot, data: Dataset, result: Evaluation) -> Report:
     s, unit = result.overall, result.unit
     mean, most = quantities([s.mean, s.max], unit)
     verdict = (f"{robot.name}, as its file describes it, is off by {mean} on average and by {most} at most "
-               f"({s.n} rows; nothing of the robot was fitted, only the set-up).")
+               f"({len(result.error)} rows; nothing of the robot was fitted, only the set-up).")
     if unit == "rad/s":
         verdict += " The rate is judged as it was read: what `gear` has behind its low-pass is smaller."
     known: tuple[Table, ...] = ()

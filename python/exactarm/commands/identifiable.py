@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal
@@ -14,9 +13,9 @@ from exactarm.chain import Layout
 from exactarm.commands.arguments import add_files, add_fixture, add_robot, require_acting
 from exactarm.commands.calibrate import dropped_table
 from exactarm.commands.call import (
+    AnyData,
     AnyFixture,
     AnyRobot,
-    AnyTable,
     arguments_of,
     asked,
     changed_options,
@@ -109,7 +108,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 @command
-def identifiable(robot: AnyRobot, files: AnyTable | Sequence[AnyTable] = (), *, count: int = 1000,
+def identifiable(robot: AnyRobot, files: AnyData = (), *, count: int = 1000,
                  tool_m: Numbers | None = None, frames: Literal["both", "base", "tool", "none"] = "both",
                  use: Literal["position", "pose"] = "position", box: Box | Numbers | None = None,
                  clearance_m: float | None = None, noise: float = SIGMA_POSITION_M,
@@ -127,9 +126,10 @@ def identifiable(robot: AnyRobot, files: AnyTable | Sequence[AnyTable] = (), *, 
         True
     """
     options = changed_options(identifiable, locals())
-    tables = tables_of(files)
-    arguments = arguments_of(add_arguments, robot_of(robot), tables, options)
-    vars(arguments).update(seed=seed, threads=threads_of(threads), progress=progress)
+    tables = files if isinstance(files, Dataset) else tables_of(files)
+    arguments = arguments_of(add_arguments, robot_of(robot), [] if isinstance(tables, Dataset) else tables,
+                             options)
+    vars(arguments).update(files=tables, seed=seed, threads=threads_of(threads), progress=progress)
     return run(arguments).asked_as(asked("identifiable", robot, tables, seed, options))
 
 
@@ -160,12 +160,19 @@ def _touches(robot: Robot, arguments: argparse.Namespace) -> Dataset | None:
     if arguments.files:
         require_acting(arguments, add_arguments, dict.fromkeys(("count", "box", "clearance"), "without FILE"))
     fixture = fixture_of(arguments.fixture) or Fixture()
-    data = read_planned_poses(arguments.files, robot) if arguments.files else None
+    data = _rows(robot, arguments)
     if data is None or not data.contacts:
         require_acting(arguments, add_arguments, {"fixture": "on rows with contacts"})
         return None
     require_acting(arguments, add_arguments, dict.fromkeys(("frames", "use"), "on poses"))
     return touches(replace(data, kind=CLOSURES.name, kinds=(CLOSURES.name,), fixture=fixture))
+
+
+def _rows(robot: Robot, arguments: argparse.Namespace) -> Dataset | None:
+    """Measured or planned; None where none are given."""
+    if isinstance(arguments.files, Dataset):
+        return arguments.files
+    return read_planned_poses(arguments.files, robot) if arguments.files else None
 
 
 def _closures(robot: Robot, data: Dataset, noise: float,
@@ -186,7 +193,7 @@ def _closures(robot: Robot, data: Dataset, noise: float,
 
 def _poses(robot: Robot, arguments: argparse.Namespace) -> _Poses:
     orientation = arguments.use == "pose"
-    data = read_planned_poses(arguments.files, robot) if arguments.files else None
+    data = _rows(robot, arguments)
     if data is not None and data.position is not None:
         if orientation and data.rotation is None:
             raise InputError("--use pose: the data has no qw..qz or rx..rz columns")

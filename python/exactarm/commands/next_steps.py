@@ -54,7 +54,9 @@ def next_steps(robot: Robot, kind: Kind, before: float, after: float, worse: boo
                      "one to trust.")
     else:
         lines.append("Keep your robot file: what was estimated hardly lowers the error.")
-    lines.append("`exactarm diagnose` with the same robot and files looks for the causes of what is left.")
+    # masses of a drawing are wrong by per cents: a diagnosis would find them first
+    model = "this `robot.toml` and the same" if kind == MOTION else "the same robot and"
+    lines.append(f"`exactarm diagnose` with {model} files looks for the causes of what is left.")
     return Text(HEADING, tuple(lines))
 
 
@@ -146,17 +148,18 @@ def _simulate(run: _Run) -> Sequence[str]:
 def _design(run: _Run) -> Sequence[str]:
     if "experiments" in run.result.json:  # of what a diagnosis has left open
         return ("Drive to the poses of `poses.csv`, write what the tracker shows beside the angles, and run "
-                f"`exactarm diagnose {run.robot} FIRST.csv MEASURED.csv`, with the first file as below.",)
+                f"`exactarm diagnose {run.robot} FIRST.csv MEASURED.csv --out DIR`, with the first file as "
+                "below.",)
     if "deviation_m" in run.result.json:  # without a tracker
         fixture = " --fixture fixture.toml" if "fixture.toml" in run.result.texts else ""
         return ("Drive to the poses of `poses.csv`, write what is touched or read there beside the joint "
-                f"angles, and run `exactarm calibrate {run.robot} TOUCHED.csv{fixture}`.",)
+                f"angles, and run `exactarm calibrate {run.robot} TOUCHED.csv{fixture} --out DIR`.",)
     return (
         "Rehearse the measurement on a virtual robot:",
         run.line("rehearsed", "simulate", run.robot, run.written("poses.csv"), "--measure",
                  POSES.measured_as),
         "Then drive to the poses of `poses.csv`, write what the tracker shows into columns `x_mm`, `y_mm`, "
-        f"`z_mm` beside the angles, and run `exactarm calibrate {run.robot} MEASURED.csv`.")
+        f"`z_mm` beside the angles, and run `exactarm calibrate {run.robot} MEASURED.csv --out DIR`.")
 
 
 def _identifiable(run: _Run) -> Sequence[str]:
@@ -197,7 +200,8 @@ def _evaluate(run: _Run) -> Sequence[str]:
 def _fitted(run: _Run) -> Sequence[str]:
     kind = {"gear": GEAR_RUN, "identify": MOTION}.get(run.asked.command)  # a file may hold two kinds
     read = run.data if kind is None or "--kind" in run.data else [*run.data, "--kind", kind.name]
-    return (run.line("diagnosed", "diagnose", run.robot, *read),)
+    robot = run.written("robot.toml") if kind == MOTION else run.robot
+    return (run.line("diagnosed", "diagnose", robot, *read),)
 
 
 def _table(run: _Run) -> Sequence[str]:

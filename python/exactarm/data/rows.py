@@ -173,8 +173,11 @@ class Rows(Value):
 
     def place_of(self, index: int) -> str:
         """The row at `index`, as a message names it: its number in its file, and the file's name."""
-        path = self.sources[self.file_index[index]].path if self.sources else None
-        return row_name(path, self.row[index]) + (f" of {Path(path).name}" if path else "")
+        if not self.sources:
+            return row_name(None, self.row[index])
+        path, names = self.sources[self.file_index[index]].path, [Path(s.path).name for s in self.sources]
+        alike = names.count(Path(path).name) > 1
+        return f"{row_name(path, self.row[index])} of {path if alike else Path(path).name}"
 
     @property
     def fingerprint(self) -> tuple[str, ...]:

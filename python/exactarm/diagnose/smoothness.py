@@ -15,6 +15,7 @@ import numpy as np
 from scipy import special
 
 _LEAST_SKEW = 1e-3
+_ROUNDING = 1e-12
 
 
 def follows_space(residual: np.ndarray, basis: np.ndarray, patterns: list[np.ndarray],
@@ -38,7 +39,9 @@ def follows_space(residual: np.ndarray, basis: np.ndarray, patterns: list[np.nda
     first, second = float(np.trace(a)), float(np.sum(a**2))
     third = float(np.sum((a @ a) * a))
     mean = first / freedom
-    spread = max(second - first * mean, 1e-300)
+    spread = second - first * mean
+    if not spread > _ROUNDING * second:  # no two rows are close, or the fit has taken what they share
+        return 1.0, 0.0
     deviation = float(e @ a @ e) / square - mean
     variance = 2.0 * spread / (freedom * (freedom + 2.0))
     skewed = 8.0 * (third - 3.0 * mean * second

@@ -92,10 +92,13 @@ class Evaluation:
 
     @staticmethod
     def of(unit: str, error: np.ndarray, residual: np.ndarray, columns: tuple[str, ...], session: np.ndarray,
-           judged: np.ndarray, **more: Any) -> Evaluation:
-        """session (N,) of the rows; judged (N,) bool: those that are summarised."""
-        sessions = tuple((int(s), summarise(error[judged & (session == s)])) for s in np.unique(session))
-        return Evaluation(unit, error, residual, columns, summarise(error[judged]), sessions, **more)
+           judged: np.ndarray, each: np.ndarray | None = None, **more: Any) -> Evaluation:
+        """session (N,) of the rows; judged (N,) bool: those that are summarised; each (N, k): by what, where
+        a row has several errors."""
+        each = error[:, None] if each is None else each
+        over = lambda rows: summarise(each[rows].ravel())
+        sessions = tuple((int(s), over(judged & (session == s))) for s in np.unique(session))
+        return Evaluation(unit, error, residual, columns, over(judged), sessions, **more)
 
 
 def evaluate_poses(robot: Robot, data: Dataset, seed: int = DEFAULT_SEED, threads: int = 1) -> Evaluation:
@@ -163,7 +166,8 @@ def evaluate_closures(robot: Robot, data: Dataset, seed: int = 0, threads: int =
 
 def evaluate_gear_runs(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1) -> Evaluation:
     """Fits the set-up on all rows that count; what is left on every row, tones of the sensor aside: the
-    magnitude along the moving axis (RMS over the axes between encoders)."""
+    magnitude along the moving axis. Between encoders a row's error is the RMS over the axes, and every axis
+    counts by itself in the summaries."""
     data = at_even_readings(data)
     data = without_tones(data, find_tones(data))
     record = gear_record(robot, data)
@@ -172,16 +176,16 @@ def evaluate_gear_runs(robot: Robot, data: Dataset, seed: int = 0, threads: int 
     residual = prediction.residual()
     if prediction.along is None:
         unit, columns = "rad", tuple(f"dq_{axis + 1}_rad" for axis in record.encoder_axes)
-        error = np.sqrt(np.mean(residual**2, axis=1))
+        each, error = np.abs(residual), np.sqrt(np.mean(residual**2, axis=1))
     else:
         unit, columns = "rad/s", tuple(f"dgyro_{axis}_rad_s" for axis in "xyz")
-        error = np.abs(np.einsum("ij,ij->i", residual, prediction.along))
-    return Evaluation.of(unit, error, residual, columns, data.session, prediction.keep)
+        each, error = None, np.abs(np.einsum("ij,ij->i", residual, prediction.along))
+    return Evaluation.of(unit, error, residual, columns, data.session, prediction.keep, each)
 
 
 def evaluate_motion(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1) -> Evaluation:
-    """Measured less predicted drive torque, RMS over the axes that measure. Raises InputError where the robot
-    file has no masses."""
+    """Measured less predicted drive torque. A row's error is the RMS over the axes that measure; every axis
+    counts by itself in the summaries. Raises InputError where the robot file has no masses."""
     require_geometry(robot)
     if robot.links is None:
         raise InputError(f"{robot.name} has no masses, so it predicts no torques; expected a robot file as "
@@ -196,7 +200,8 @@ def evaluate_motion(robot: Robot, data: Dataset, seed: int = 0, threads: int = 1
                               threads=threads).residual()[keep][:, axes]
     judged, error = record.data.select(keep), np.sqrt(np.mean(residual**2, axis=1))
     return Evaluation.of("Nm", error, residual, tuple(f"dtau_{axis + 1}_Nm" for axis in axes), judged.session,
-                         np.ones(len(judged), bool), warnings=reversals_left_out([record]), data=judged)
+                         np.ones(len(judged), bool), np.abs(residual), warnings=reversals_left_out([record]),
+                         data=judged)
 
 
 EVALUATORS: dict[str, Callable[..., Evaluation]] = {

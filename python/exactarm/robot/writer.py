@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from exactarm.errors import InputError
 from exactarm.files.table import atomic_file
 from exactarm.robot.controller_frames import apart
 from exactarm.robot.keys import FORMAT, FRAME_FIELDS, GEAR_KEYS, GEAR_TABLES, JOINT_KEYS
@@ -20,7 +21,15 @@ HEAD = """\
 
 
 def write_robot(path: str | Path, robot: Robot) -> None:
-    """Write `robot` to `path`."""
+    """Write `robot` to `path`, a TOML file in a folder that is there; else InputError."""
+    if not isinstance(path, (str, Path)) or not isinstance(robot, Robot):
+        raise InputError(f"write_robot({type(path).__name__}, {type(robot).__name__}); expected a path, then "
+                         "a robot")
+    if Path(path).suffix.lower() == ".urdf":
+        raise InputError("a robot file is TOML; expected a name that ends with .toml (`exactarm export` "
+                         "writes a URDF)", file=str(path))
+    if not Path(path).resolve().parent.is_dir():
+        raise InputError(f"no folder {Path(path).parent}; expected one that is there", file=str(path))
     with atomic_file(path) as temporary:
         temporary.write_text(robot_text(robot), encoding="utf-8")
 
