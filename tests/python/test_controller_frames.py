@@ -307,6 +307,9 @@ def test_the_urdf_beside_a_robot_file_has_the_links_of_the_source(pair, tmp_path
     whole = read_urdf(f"{tmp_path / 'robot.urdf'}#device:tool")
     there = arm.fk(q, of="target", seen_from="device").matrix
     np.testing.assert_allclose(whole.fk(q).matrix, there, atol=1e-9)
+    arm_alone = read_urdf(tmp_path / "robot.urdf")  # failed before: the device was its base
+    np.testing.assert_allclose(arm_alone.fk(q).matrix, arm.fk(q).matrix, atol=1e-9)
+    np.testing.assert_allclose(arm_alone.fk(q, of="target", seen_from="device").matrix, there, atol=1e-9)
 
 
 def test_offsets_show_base_and_target_of_the_controller(pair):

@@ -5,7 +5,9 @@
 
 In: the serial chain from base to tip, fixed joints merged, everything that hangs on a link with its mass;
 frames by `mdh_chain`. `robot.base` keeps the place of DH frame 0 in the base link, `robot.tool` what lies
-behind frame n, so that the pose of the tip in the base link is exactly that of the URDF.
+behind frame n, so that the pose of the tip in the base link is exactly that of the URDF. Of a file written
+here, unless base or tip are given, the arm is what lies between `base_link` and `flange`; device and target
+are where they were, and the base stands upright.
 Out: root `device` (the measuring device), `base_link` and `flange` (the controller's), `link_i`, `tool` (the
 target). The joint angle of the written file is the one that the controller reports, so calibrated
 offsets stand in the joints' origins. What URDF cannot carry is listed in a comment.
@@ -36,6 +38,9 @@ def read_urdf(path: str | Path, base: str | None = None, tip: str | None = None)
     if ends:
         base, tip = ends.split(":", 1) if ":" in ends else (base, ends)
     tree = read_tree(file)
+    setup = _setup(tree) if base is None and tip is None else None
+    if setup is not None:
+        base, tip = "base_link", "flange"
     way = tree.chain(base or None, tip or None)
     places = _places(tree, way[0].parent)
     axes, moving = [], [joint for joint in way if joint.type in MOVING]
@@ -48,13 +53,27 @@ def read_urdf(path: str | Path, base: str | None = None, tip: str | None = None)
         axes.append(Axis(place.position, place.rotation @ joint.axis, kind))
     chain = mdh_chain(axes, places[way[-1].child])
     joints = tuple(_joint(geometry, source) for geometry, source in zip(chain.joints, moving))
-    root = _places(tree, tree.root)[way[0].parent]
+    root = Placement() if setup else _places(tree, tree.root)[way[0].parent]
     gravity = chain.base.rotation.T @ root.rotation.T @ np.array([0.0, 0.0, -GRAVITY_M_S2])
     gravity = np.where(np.abs(gravity) < 1e-12, 0.0, gravity)
     links = _links(tree, way, moving, places, chain.frames)
     names = tuple(joint.name for joint in moving)
     controller = Controller(tuple(map(frame_of, joints)), chain.base, chain.tool, joint_names=names)
-    return Robot(tree.name, joints, links, gravity, chain.base, chain.tool, controller=controller)
+    device, target = setup or (Placement(), Placement())
+    return Robot(tree.name, joints, links, gravity, joined(device, chain.base), joined(chain.tool, target),
+                 controller=controller)
+
+
+def _setup(tree: UrdfTree) -> tuple[Placement, Placement] | None:
+    """The base in the device and the target on the flange, of a file that `write_urdf` has written."""
+    named = {joint.name: joint for joints in tree.children.values() for joint in joints}
+    ours = {"device_to_base": ("device", "base_link"), "flange_to_tool": ("flange", "tool")}
+    if tree.root != "device" or any(name not in named or named[name].type != "fixed"
+                                    or (named[name].parent, named[name].child) != ends
+                                    for name, ends in ours.items()):
+        return None
+    device, target = (named[name].origin for name in ours)
+    return device, target
 
 
 def _places(tree: UrdfTree, start: str) -> dict[str, Placement]:

@@ -265,8 +265,9 @@ def _by_the_model(
     evidence = evidence.with_scatter(float(np.sum(residual**2)), freedom)
     warnings.append(
         f"BEFORE does not hold the poses of the check twice ({np.count_nonzero(seen)} of {len(seen)} once, "
-        f"no joint angle further than {SAME_POSE_RAD:g} rad): what the model leaves there stands for the noise, "
-        "its own errors too, and smaller changes stay unseen; measure these poses on several days before"
+        f"no joint angle further than {SAME_POSE_RAD:g} rad): what the model leaves there stands for the "
+        "noise, its own errors too, and smaller changes stay unseen; measure these poses on several days "
+        "before"
     )
     level = np.where(seen[:, None] > 0, sums / np.maximum(seen, 1)[:, None], 0.0)
     return level, evidence, 1, f"what the model leaves in the {len(before)} rows of BEFORE", warnings

@@ -141,9 +141,10 @@ def by_region(
     out = []
     for name, value in (("reach", np.hypot(points[:, 0], points[:, 1])), ("height", in_base[:, 2])):
         edges = np.linspace(value.min(), value.max(), 4)
-        for low, high in zip(edges[:-1], edges[1:]):
+        told = np.round(edges, 2) + 0.0  # no minus before a zero
+        for k, (low, high) in enumerate(zip(edges[:-1], edges[1:])):
             inside = (value >= low) & ((value < high) | (high == edges[-1]))
             if inside.any():
-                label = f"{name} {low:.2f} to {high:.2f} m"
+                label = f"{name} {told[k]:.2f} to {told[k + 1]:.2f} m"
                 out.append((label, summarise(before[inside]), summarise(after[inside])))
     return out
