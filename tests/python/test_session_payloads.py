@@ -90,3 +90,11 @@ def test_a_payload_of_a_rigid_arm_is_dropped_with_the_reason(tmp_path):
     made = ea.calibrate(UR10, tmp_path / "measured.csv", sessions=tmp_path / "sessions.csv", compliance=())
     assert "payload_session2.mass_kg" in {entry["parameter"] for entry in made["dropped"]}
     assert [p["session"] for p in made["payloads"]] == [1, 3]
+
+
+def test_a_mass_that_poses_cannot_tell_is_said():
+    rows = ea.simulate("ur10", count=60, deviation=1.0, noise=NOISE_M, seed=1).data
+    found = ea.calibrate("ur10", rows, sessions={"session": [1], "payload_kg": [np.nan]}, threads=1)
+    assert any("session 1: its payload stays unknown" in line for line in found.warnings)
+    mass = next(entry for entry in found.json["dropped"] if entry["parameter"].endswith("mass_kg"))
+    assert " kg only, plausible is 5 kg" in mass["why"]

@@ -121,9 +121,16 @@ def calibrate(robot: AnyRobot, data: AnyData, *, use: Literal["auto", "position"
         tables={"residuals.csv": residual_table(result.data, result.identification, result.error_before,
                                                 result.residual_after)},
         inputs=files_among(fixture, sessions),
-        asked=call).warned([*told, *found])
+        asked=call).warned([*told, *found, *_unknown_payloads(rows, result)])
     made = with_payload_section(made, result.payloads, "One stiffness for all sessions.")
     return with_load_section(made, declared, rows)
+
+
+def _unknown_payloads(data: Dataset, result: Calibration) -> list[str]:
+    """Of sessions whose mass was asked for, and that these poses do not tell."""
+    found = {p.session for p in result.payloads if p.estimated}
+    return [f"session {session}: its payload stays unknown; these poses do not tell its mass from a spring "
+            "and the geometry" for session in data.unweighed if session not in found]
 
 
 def run(arguments: argparse.Namespace) -> CommandResult:

@@ -17,7 +17,7 @@ from exactarm.robot.robot import Robot
 FARTHEST_STATION_M = 100.0
 MOST_NOISE_M = 0.02  # of a tape measure: what is more was meant in mm
 LONGEST_TOOL = 3.0  # times the reach: a fishing rod
-ACCEPTANCE_DEG = float(np.degrees(ACCEPTANCE_RAD))
+ACCEPTANCE_DEG = round(float(np.degrees(ACCEPTANCE_RAD)), 9)
 Numbers = str | Sequence[float] | np.ndarray  # "0.05,0,0.1" on the command line
 
 
