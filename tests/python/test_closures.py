@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import exactarm as ea
 from exactarm.chain import Layout
 from exactarm.cli import main
 from exactarm.data.dataset import Dataset
@@ -271,3 +272,9 @@ def test_the_distance_of_seats_that_were_touched_once_is_an_error():
     first = [int(np.flatnonzero(seat == number)[0]) for number in (0, 1)]
     (error,) = set_distance_errors(arm, layout, data.select(np.array(first))).values()
     assert 0.0 < error < 5e-3
+
+
+def test_a_fit_goes_on_while_a_step_would_lower_the_objective():
+    made = ea.simulate("ur10", measure="closures", contact="sphere", count=20, noise=3e-5)
+    found = ea.diagnose("ur10", made.data, threads=1)  # failed before: no verdict, for it had stopped
+    assert found["converged"] and found["verdict"] == "no_undeclared_effect"

@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+import exactarm as ea
 from exactarm import cli
 from exactarm.chain import Layout
 from exactarm.commands.diagnose_report import report_of
@@ -335,3 +336,8 @@ def test_the_overtone_of_a_wave_is_found_beyond_the_orders_that_are_searched():
     assert result.verdict == "explained" and {f.effect.name for f in result.findings} == {"gear_harmonics"}
     assert np.allclose(orders, [order, 2.0 * order], atol=0.2)
     assert result.sentence.count("gear harmonics of axis 2") == 1
+
+
+def test_poses_without_any_noise_lack_nothing():
+    exact = ea.simulate("ur10", count=25, noise=0.0).data  # failed before: a matrix not positive definite
+    assert ea.diagnose("ur10", exact, threads=1)["verdict"] == "no_undeclared_effect"

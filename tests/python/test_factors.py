@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from exactarm.numerics.factors import lstsq, pinv, svd
+from exactarm.numerics.factors import cholesky, lstsq, pinv, svd
 
 
 @pytest.fixture
@@ -69,3 +69,16 @@ def test_what_is_not_finite_is_an_error(gives_up):
     for asked in (lambda: svd(matrix), lambda: lstsq(matrix, np.ones(3))):
         with pytest.raises(np.linalg.LinAlgError, match="not finite"):
             asked()
+
+
+def test_a_large_semidefinite_matrix_beside_one_has_a_factor(rng):
+    columns = 1e9 * rng.normal(size=(40, 3))
+    gram = np.eye(6) + np.hstack([columns, columns]).T @ np.hstack([columns, columns])
+    with pytest.raises(np.linalg.LinAlgError):
+        np.linalg.cholesky(gram - 1e3 * np.eye(6))  # as rounding may leave it
+    lower = cholesky(gram - 1e3 * np.eye(6))
+    np.testing.assert_allclose(lower @ lower.T, gram, rtol=1e-9, atol=1e-9 * np.max(gram))
+    small = np.eye(6) + 1e-18 * gram
+    np.testing.assert_array_equal(cholesky(small), np.linalg.cholesky(small))
+    with pytest.raises(np.linalg.LinAlgError, match="not finite"):
+        cholesky(np.full((2, 2), np.nan))

@@ -26,6 +26,7 @@ from exactarm import _core
 from exactarm.diagnose.cross_validation import CrossValidation
 from exactarm.diagnose.decisions import ABSORBED, INVISIBLE
 from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES, Vocabulary
+from exactarm.numerics.factors import cholesky
 from exactarm.numerics.orthonormal import orthonormal
 
 WEAKEST = 1e-7  # direction of the declared parameters beside the strongest, below which it absorbs nothing
@@ -215,7 +216,7 @@ class Picture:
             return np.zeros((0, self.columns.shape[1])), np.zeros(0)
         cross, where, scale = self._products(members)
         right = scale * self.onto[where]
-        lower = np.linalg.cholesky(np.eye(len(scale)) + cross[:, where] * scale)
+        lower = cholesky(np.eye(len(scale)) + cross[:, where] * scale)
         inverse = linalg.solve_triangular(lower, np.eye(len(scale)), lower=True, check_finite=False)
         return inverse @ cross, inverse @ right
 
@@ -240,7 +241,7 @@ class Picture:
         if not members.blocks:
             return 0.0, self.square
         gram, right = self._system(members)
-        lower = np.linalg.cholesky(gram)
+        lower = cholesky(gram)
         onto = linalg.solve_triangular(lower, right, lower=True, check_finite=False)
         return 2.0 * float(np.sum(np.log(np.diag(lower)))), self.square - float(onto @ onto)
 

@@ -163,6 +163,11 @@ def fit_closures(robot: Robot, layout: Layout, data: Dataset, pulls: Pulls, *, k
     prediction = predict_closures(robot, layout, data, threads=threads)
     noise = _first_noise(data, prediction)
     sigma, weight, settled, fit = noise.of(data, prediction.used), keep, False, None
+
+    def finished() -> Fit:
+        at = keep * _tail_weights(prediction.residual / sigma, prediction.used)
+        return _finished(fit, prediction, sigma, keep, worth, at, *pulls.rows(layout), settled)
+
     for _ in range(_ROUNDS):
         weight = keep * _tail_weights(prediction.residual / sigma, prediction.used)
         fit = _inner(robot, layout, data, pulls, prediction, (root * weight)[:, None] / sigma, (lower, upper),
@@ -173,13 +178,12 @@ def fit_closures(robot: Robot, layout: Layout, data: Dataset, pulls: Pulls, *, k
         new = _estimated_noise(data, prediction, sigma, keep, worth, pull)
         change = max(abs(value / noise.by_class.get(key, np.inf) - 1.0)
                      for key, value in new.by_class.items())
-        if settled := change < _SETTLED and fit.converged:
+        settled = change < _SETTLED and fit.converged
+        if settled and finished().converged:  # weights that still follow the residual may leave a way to go
             break
         noise, sigma = new, new.of(data, prediction.used)
     weight = keep * _tail_weights(prediction.residual / sigma, prediction.used)
-    pull, tail = pulls.rows(layout)
-    fit = _finished(fit, prediction, sigma, keep, worth, weight, pull, tail, settled)
-    return ClosureFit(robot, layout, fit, noise, prediction, sigma, weight, worth)
+    return ClosureFit(robot, layout, finished(), noise, prediction, sigma, weight, worth)
 
 
 def expected_deviations(robot: Robot, layout: Layout, data: Dataset, sigma: float, pulls: Pulls,

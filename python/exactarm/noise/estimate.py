@@ -37,6 +37,7 @@ _LEAST_ROWS_A_VISIT = 10
 # variance within visits, of all of a row: visits that agree better (copied rows, whose difference is exactly
 # nothing) say the same thing once, and rows may be divided by this noise without losing their digits
 _LEAST_WITHIN = 1e-6
+_LEAST_SIGMA = 1e-9  # m, rad: no instrument that follows an arm resolves less; exact data's rounding is below
 
 
 def estimate_noise(
@@ -179,7 +180,7 @@ def _squares(e: np.ndarray, kinds: np.ndarray) -> np.ndarray:
 
 def _scales(squares: np.ndarray, weight: np.ndarray, kinds: np.ndarray) -> np.ndarray:
     """(K,) root mean weighted square of each kind of component (positions alike, orientations alike)."""
-    return np.maximum(np.sqrt(weight @ squares / (len(squares) * kinds)), 1e-15)
+    return np.maximum(np.sqrt(weight @ squares / (len(squares) * kinds)), _LEAST_SIGMA)
 
 
 def _student(e: np.ndarray, kinds: np.ndarray, nu: float) -> NoiseModel:
@@ -200,7 +201,7 @@ def _student(e: np.ndarray, kinds: np.ndarray, nu: float) -> NoiseModel:
 def _robust(squares: np.ndarray, kinds: np.ndarray) -> np.ndarray:
     """(K,) scale from the median of the squares."""
     usual = 2.0 * special.gammaincinv(0.5 * kinds, 0.5)
-    return np.maximum(np.sqrt(np.median(squares, axis=0) / usual), 1e-15)
+    return np.maximum(np.sqrt(np.median(squares, axis=0) / usual), _LEAST_SIGMA)
 
 
 def _gross(e: np.ndarray, kinds: np.ndarray, nu: float) -> NoiseModel:

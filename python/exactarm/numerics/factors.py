@@ -1,4 +1,4 @@
-"""Singular values and least squares that always end.
+"""Singular values, least squares and triangular factors that always end.
 
 LAPACK's divide and conquer (gesdd, gelsd) is fast, and now and then does not converge on a finite matrix
 whose columns depend on each other, differently from one processor to another; QR iterations (gesvd) then do.
@@ -41,6 +41,18 @@ def pinv(matrix: np.ndarray, rcond: float = 1e-15) -> np.ndarray:
     seen = values > rcond * values.max(axis=-1, initial=0.0, keepdims=True)
     inverse = np.where(seen, 1.0 / np.where(seen, values, 1.0), 0.0)
     return np.swapaxes(vt, -1, -2) @ (inverse[..., None] * np.swapaxes(u, -1, -2))
+
+
+def cholesky(matrix: np.ndarray) -> np.ndarray:
+    """Lower factor of I + G, G positive semidefinite: where the rounding of a large G leaves it indefinite,
+    of it with the least on its diagonal that does not."""
+    more = np.finfo(float).eps * float(np.max(np.abs(np.diag(matrix)), initial=1.0))
+    while np.isfinite(more):
+        try:
+            return np.linalg.cholesky(matrix)
+        except np.linalg.LinAlgError:
+            matrix, more = matrix + more * np.eye(len(matrix)), 10.0 * more
+    raise np.linalg.LinAlgError("a number is not finite")
 
 
 def _by_iterations(matrix: np.ndarray, full_matrices: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
