@@ -8,7 +8,7 @@ import pytest
 
 import exactarm as ea
 from exactarm.commands.diagnose_report import _many_left_out, _outliers, found_effects, report_of
-from exactarm.commands.effect_sections import _at_tool_note, _size, causes_in_words, on_axes, percent
+from exactarm.commands.effect_sections import _at_tool_note, _row, _size, causes_in_words, on_axes, percent
 from exactarm.commands.error_sections import words_of
 from exactarm.diagnose.contribution import (
     _at_tool,
@@ -20,10 +20,11 @@ from exactarm.diagnose.contribution import (
     _told_over,
     _waves,
 )
-from exactarm.diagnose.diagnosis import diagnose
+from exactarm.diagnose.diagnosis import Diagnosis, diagnose
 from exactarm.diagnose.signal import ANGLE, LOAD, SPEED, TIME, Signal, axis_of, measured_of, turn_of
 from exactarm.effects.base import Station
 from exactarm.effects.expression import Expression
+from exactarm.effects.gear_harmonics import GearHarmonics
 from exactarm.effects.joint_coupling import JointCoupling
 from exactarm.effects.order_source import likely_source
 from exactarm.effects.tracker_step import TrackerStep
@@ -274,3 +275,18 @@ def test_rows_left_out_are_told_of_both_sets_and_many_in_the_verdict():
     assert _outliers(many) == ("1 identification row and 3 validation rows were left out as outliers",)
     assert _many_left_out(many, "validation") == " (3 of the 18 left out as outliers)"
     assert _many_left_out(result(2, 450, 449), "validation") == ""
+
+
+def test_two_waves_of_one_axis_keep_their_own_sizes():
+    """Failed before: both had the size of the overtone."""
+    waves = [GearHarmonics(2, (order, size, 0.0)) for order, size in ((154.0, 0.020), (308.0, 0.018))]
+    moves = [SimpleNamespace(effect=wave, peak_to_peak=(2.0 * wave.orders()[0][1], 1e-6), unit="rad",
+                             at_tool=None) for wave in waves]
+    findings = [SimpleNamespace(effect=wave, probability=1.0, intervals=np.zeros((3, 2)), derived={})
+                for wave in waves]
+    found = SimpleNamespace(contributions=moves, findings=findings, robot=ea.load_robot("ur10"), unit="m")
+    found.contribution_of = lambda finding: Diagnosis.contribution_of(found, finding)
+    assert [own for _, own in found_effects(found)] == moves
+    rows = [_row(found, *pair) for pair in found_effects(found)]
+    assert [row[2] for row in rows] == ["peak to peak, order 154", "peak to peak, order 308"]
+    assert [row[3].value for row in rows] == [2.0 * wave.orders()[0][1] for wave in waves]

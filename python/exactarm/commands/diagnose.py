@@ -234,7 +234,8 @@ def _own(finding: Finding, result: Diagnosis) -> dict[str, Any]:
                         for name, joint, p in finding.credible_set]
     if finding.own_share is not None:
         found["own_share"] = finding.own_share
-    at_tool = next((c.at_tool for c in result.contributions if c.effect.label == finding.effect.label), None)
+    moves = result.contribution_of(finding)
+    at_tool = moves and moves.at_tool
     if (left := rows_left_out(result, finding)) is not None:
         at_tool = left.value
     if at_tool is not None:

@@ -64,8 +64,7 @@ def _pays(result: Diagnosis) -> bool:
 
 def found_effects(result: Diagnosis) -> list[tuple[Finding, Contribution | None]]:
     """Every finding with what it does by itself."""
-    by_label = {c.effect.label: c for c in result.contributions}
-    return [(finding, by_label.get(finding.effect.label)) for finding in result.findings]
+    return [(finding, result.contribution_of(finding)) for finding in result.findings]
 
 
 def verdict_of(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contribution | None]]) -> str:

@@ -150,6 +150,8 @@ def _row(result: Diagnosis, finding: Finding, contribution: Contribution | None)
     at_tool = getattr(finding, "at_tool_um", None)
     tool = (
         1e-6 * at_tool if at_tool is not None else contribution.at_tool if contribution is not None else None)
+    if effect.orders() and sum(other.effect.label == effect.label for other in result.findings) > 1:
+        measure += f", order {effect.orders()[0][0]:.4g}"  # one axis has several waves
     if left := rows_left_out(result, finding):
         measure = (f"median error of {result.excluded} rows left out" if result.excluded > 1
                    else "error of the row left out")

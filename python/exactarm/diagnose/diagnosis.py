@@ -142,6 +142,12 @@ class Diagnosis:
         """Whether the fits that the verdict rests on have all arrived."""
         return not self.unconverged
 
+    def contribution_of(self, finding: Finding) -> Contribution | None:
+        """What it does by itself; one axis may have several waves of one name."""
+        own = finding.effect
+        return next((c for c in self.contributions
+                     if c.effect.label == own.label and c.effect.values == own.values), None)
+
 
 def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: int = 1,
              progress: Progress = lambda text: None) -> Diagnosis:
