@@ -235,7 +235,7 @@ def _own(finding: Finding, result: Diagnosis) -> dict[str, Any]:
     if finding.own_share is not None:
         found["own_share"] = finding.own_share
     moves = result.contribution_of(finding)
-    at_tool = moves and moves.at_tool
+    at_tool = None if moves is None else moves.at_tool
     if (left := rows_left_out(result, finding)) is not None:
         at_tool = left.value
     if at_tool is not None:
