@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from exactarm.commands.effect_sections import parameters_table
-from exactarm.commands.error_sections import unit_of
 from exactarm.diagnose.diagnosis import Finding
 from exactarm.effects import library
 from exactarm.effects.axis_units import moves_by, of_a_slide
@@ -15,6 +14,7 @@ from exactarm.effects.gear_ratio import GearRatio
 from exactarm.effects.joint_compliance import JointCompliance
 from exactarm.effects.joint_coupling import JointCoupling
 from exactarm.effects.joint_offset import JointOffset
+from exactarm.effects.units_in_names import unit_of
 from exactarm.robot.robot import Joint, Robot
 
 SLIDE, TURN = Joint(type="prismatic", q_min=-0.2, q_max=0.0), Joint(d=0.4, a=0.35)

@@ -9,7 +9,6 @@ import pytest
 import exactarm as ea
 from exactarm.commands.diagnose_report import _many_left_out, _outliers, found_effects, report_of
 from exactarm.commands.effect_sections import _at_tool_note, _row, _size, causes_in_words, on_axes, percent
-from exactarm.commands.error_sections import words_of
 from exactarm.diagnose.contribution import (
     _at_tool,
     _follows,
@@ -28,6 +27,7 @@ from exactarm.effects.gear_harmonics import GearHarmonics
 from exactarm.effects.joint_coupling import JointCoupling
 from exactarm.effects.order_source import likely_source
 from exactarm.effects.tracker_step import TrackerStep
+from exactarm.effects.units_in_names import words_of
 
 EFFECTS = ["gear_eccentricity joint=3 first_cos_rad=6e-4 first_sin_rad=3e-4",
            "joint_compliance joint=2 linear_rad_per_Nm=8e-6"]

@@ -242,3 +242,6 @@ def test_a_column_that_was_made_the_index_is_read_all_the_same():
     plain = pd.DataFrame(COLUMNS | {"session": sessions})
     assert np.array_equal(ea.read(plain.set_index("session"), "ur10").session, sessions)
     assert np.array_equal(ea.read(plain.rename_axis("row"), "ur10").session, sessions)
+    lacking = plain.assign(x_mm=np.where(np.arange(ROWS) == 3, np.nan, plain["x_mm"])).set_index("session")
+    with pytest.raises(InputError, match="row index 1"):  # its own name of that row, as loc has it
+        ea.read(lacking, "ur10")

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from exactarm.commands.error_sections import unit_of
+from exactarm.effects.units_in_names import unit_of
 from exactarm.report import (
     Estimate,
     Figure,

@@ -25,7 +25,7 @@ from exactarm.commands.call import (
     threads_of,
 )
 from exactarm.commands.effect_sections import on_axes
-from exactarm.commands.error_sections import error_figures, error_table, geometry_tables, highlights, unit_of
+from exactarm.commands.error_sections import error_figures, error_table, geometry_tables, highlights
 from exactarm.commands.load_section import with_load_section, with_payload_section
 from exactarm.commands.memory import within_memory
 from exactarm.commands.next_steps import next_steps
@@ -38,6 +38,7 @@ from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import CLOSURES, POSES, kind_of
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.effects.parameter_id import Group
+from exactarm.effects.units_in_names import unit_of
 from exactarm.errors import InputError
 from exactarm.identify.calibrate import Calibration, CalibrationOptions
 from exactarm.identify.calibrate import calibrate as identify_geometry

@@ -7,14 +7,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from exactarm.commands.arguments import add_map, add_robot
 from exactarm.commands.calibrate import require_poses
-from exactarm.commands.call import AnyData, AnyRobot, asked, command, data_of, listed, robot_of
-from exactarm.commands.error_sections import unit_of
+from exactarm.commands.call import AnyData, AnyRobot, asked, command, data_of, listed, robot_of, table_option
 from exactarm.commands.next_steps import after_check
 from exactarm.commands.output import PICTURES
 from exactarm.commands.result import CommandResult, estimate
@@ -24,8 +23,9 @@ from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import POSES
 from exactarm.data.rows import Source, by_name
 from exactarm.data.split import DEFAULT_SEED
+from exactarm.effects.units_in_names import unit_of
 from exactarm.errors import InputError
-from exactarm.files.memory_table import MemoryTable, is_memory_table
+from exactarm.files.memory_table import is_memory_table
 from exactarm.progress import SILENT, Progress
 from exactarm.report import Estimate, Figure, Highlight, Highlights, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import quantity
@@ -79,8 +79,8 @@ def check(robot: AnyRobot, before: AnyData, new: AnyData | Sequence[Any], *,
     progress.plan(STEPS["check"])
     progress.stage(READING)
     arm = robot_of(robot)
-    named = lambda each, which: MemoryTable.of(each, which) if is_memory_table(each) else each
-    poses = lambda each, which: require_poses(data_of(named(each, which), arm, POSES.name, columns=columns))
+    poses = lambda each, which: require_poses(
+        data_of(cast("AnyData", table_option(each, which)), arm, POSES.name, columns=columns))
     reference = poses(before, "before")
     files = listed(new)
     if not files:

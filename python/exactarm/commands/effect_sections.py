@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from exactarm.commands.error_sections import unit_of, words_of
 from exactarm.data.kinds import kind_of
 from exactarm.diagnose.contribution import Contribution
 from exactarm.diagnose.decisions import NAMED_AT
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.effects.base import Effect
 from exactarm.effects.order_source import likely_source
+from exactarm.effects.units_in_names import unit_of, words_of
 from exactarm.report import Cell, Estimate, Figure, Quantity, Table
 from exactarm.report.numbers import quantities, quantity
 from exactarm.report.plots.effects import ROW_IN, EffectPanel, contribution_bars, effect_panels

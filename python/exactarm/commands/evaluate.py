@@ -149,7 +149,7 @@ def _report(robot: Robot, data: Dataset, result: Evaluation) -> Report:
     s, unit = result.overall, result.unit
     mean, most = quantities([s.mean, s.max], unit)
     verdict = (f"{robot.name}, as its file describes it, is off by {mean} on average and by {most} at most "
-               f"({len(result.error)} rows; nothing of the robot was fitted, only the set-up).")
+               f"({result.rows} rows; nothing of the robot was fitted, only the set-up).")
     if unit == "rad/s":
         verdict += " The rate is judged as it was read: what `gear` has behind its low-pass is smaller."
     known: tuple[Table, ...] = ()
@@ -167,7 +167,7 @@ def _report(robot: Robot, data: Dataset, result: Evaluation) -> Report:
         (str(session), e.n, *(Quantity(v, unit) for v in (e.mean, e.rms, e.max, e.std)))
         for session, e in result.sessions)
     none = np.ones(len(result.error), bool)
-    several = s.n > len(none)  # torques and encoders: an error of every axis
+    several = result.by_axis
     of_a_row = " A row's error is the RMS over its axes; the numbers above are over rows and axes." * several
     return Report(f"Evaluation of {robot.name}", verdict, (
         Highlights((Highlight("mean", Quantity(s.mean, unit)), Highlight("RMS", Quantity(s.rms, unit)),

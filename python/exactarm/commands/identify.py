@@ -23,7 +23,7 @@ from exactarm.commands.call import (
     table_option,
     threads_of,
 )
-from exactarm.commands.error_sections import SETS, error_table, highlights, parameter_table, unit_of
+from exactarm.commands.error_sections import SETS, error_table, highlights, parameter_table
 from exactarm.commands.load_section import with_payload_section
 from exactarm.commands.memory import within_memory
 from exactarm.commands.next_steps import next_steps
@@ -35,6 +35,7 @@ from exactarm.commands.suspicions import suspicions
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import MOTION
 from exactarm.data.split import DEFAULT_SEED
+from exactarm.effects.units_in_names import unit_of
 from exactarm.errors import InputError
 from exactarm.identify.dynamics import (
     DynamicsIdentification,

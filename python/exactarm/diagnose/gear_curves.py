@@ -37,6 +37,7 @@ from exactarm.diagnose.forms import same_family
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import free_mask, linear_columns, prior_of
 from exactarm.effects.base import Effect
+from exactarm.numerics.factors import cholesky
 
 _PASSES = 10  # over all axes and the noise that they leave; four or five are enough
 
@@ -176,7 +177,7 @@ class _Linear:
         does not count."""
         on = np.flatnonzero(others)
         size = others[on]
-        lower = np.linalg.cholesky(np.eye(len(on)) + size[:, None] * self.gram[np.ix_(on, on)] * size)
+        lower = cholesky(np.eye(len(on)) + size[:, None] * self.gram[np.ix_(on, on)] * size)
         cross = linalg.solve_triangular(lower, size[:, None] * self.gram[on, where], lower=True)
         taken = linalg.solve_triangular(lower, size * self.onto[on], lower=True)
         gram, onto = self.gram[where, where] - cross.T @ cross, self.onto[where] - cross.T @ taken
@@ -186,7 +187,7 @@ class _Linear:
     def _evidence(self, gram: np.ndarray, onto: np.ndarray, square: float, sizes: np.ndarray) -> float:
         on = np.flatnonzero(sizes)
         size = sizes[on]
-        lower = np.linalg.cholesky(np.eye(len(on)) + size[:, None] * gram[np.ix_(on, on)] * size)
+        lower = cholesky(np.eye(len(on)) + size[:, None] * gram[np.ix_(on, on)] * size)
         taken = linalg.solve_triangular(lower, size * onto[on], lower=True)
         left = max(square - float(taken @ taken), 1e-12 * square)
         return float(-np.log(np.diag(lower)).sum() - 0.5 * self.count * np.log(left / self.square))

@@ -54,10 +54,11 @@ class MemoryTable:
     def of(cls, data: Any, which: int | str) -> MemoryTable:
         """which: its place among several, from 1, or the name of the argument."""
         data = data.to_pandas() if hasattr(data, "to_pandas") else data
-        named = [name for name in getattr(getattr(data, "index", None), "names", ()) if name is not None]
-        if named and not isinstance(data, Mapping):  # a column that was made the index is read all the same
-            data = data.reset_index(level=[name for name in named if name not in data.columns])
-        label = Label(_LABEL.format(which), getattr(data, "index", None))
+        index = getattr(data, "index", None)
+        label = Label(_LABEL.format(which), index)
+        inside = [name for name in getattr(index, "names", ()) if isinstance(name, str) and name not in data]
+        if inside:  # a column that was made the index is read all the same
+            data = data.reset_index(level=inside)
         given = list(data) if isinstance(data, Mapping) else list(data.columns)
         columns = ([data[name] for name in given] if isinstance(data, Mapping)
                    else [data.iloc[:, i] for i in range(len(given))])

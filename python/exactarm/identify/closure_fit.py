@@ -164,9 +164,9 @@ def fit_closures(robot: Robot, layout: Layout, data: Dataset, pulls: Pulls, *, k
     noise = _first_noise(data, prediction)
     sigma, weight, settled, fit = noise.of(data, prediction.used), keep, False, None
 
-    def finished() -> Fit:
-        at = keep * _tail_weights(prediction.residual / sigma, prediction.used)
-        return _finished(fit, prediction, sigma, keep, worth, at, *pulls.rows(layout), settled)
+    def finished() -> tuple[np.ndarray, Fit]:
+        last = keep * _tail_weights(prediction.residual / sigma, prediction.used)
+        return last, _finished(fit, prediction, sigma, keep, worth, last, *pulls.rows(layout), settled)
 
     for _ in range(_ROUNDS):
         weight = keep * _tail_weights(prediction.residual / sigma, prediction.used)
@@ -174,16 +174,18 @@ def fit_closures(robot: Robot, layout: Layout, data: Dataset, pulls: Pulls, *, k
                      threads, tolerance)
         layout = layout.at(fit.x)
         prediction = predict_closures(robot, layout, data, threads=threads)
-        pull, tail = pulls.rows(layout)
-        new = _estimated_noise(data, prediction, sigma, keep, worth, pull)
+        new = _estimated_noise(data, prediction, sigma, keep, worth, pulls.rows(layout)[0])
         change = max(abs(value / noise.by_class.get(key, np.inf) - 1.0)
                      for key, value in new.by_class.items())
         settled = change < _SETTLED and fit.converged
-        if settled and finished().converged:  # weights that still follow the residual may leave a way to go
-            break
+        if settled:
+            weight, done = finished()
+            if done.converged:  # weights that still follow the residual may leave a way to go
+                break
         noise, sigma = new, new.of(data, prediction.used)
-    weight = keep * _tail_weights(prediction.residual / sigma, prediction.used)
-    return ClosureFit(robot, layout, finished(), noise, prediction, sigma, weight, worth)
+    else:
+        weight, done = finished()
+    return ClosureFit(robot, layout, done, noise, prediction, sigma, weight, worth)
 
 
 def expected_deviations(robot: Robot, layout: Layout, data: Dataset, sigma: float, pulls: Pulls,

@@ -12,13 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from exactarm.effects.parameter_id import Group, ParameterId
+from exactarm.effects.units_in_names import unit_of
 from exactarm.robot.mdh_frames import NEARLY_PARALLEL, tilt_of_next
 from exactarm.robot.robot import Robot
 
 EXACTLY_PARALLEL_RAD = 1e-9
 COLLINEAR_M = 1e-3
 _MOST_PARTNERS = 6
-_UNITS = {"_kg_m": "kg m", "_kg": "kg", "_per_Nm": "rad/Nm", "_m": "m", "_rad": "rad"}  # by the end of a name
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def move_alike(name: ParameterId, partners: Sequence[ParameterId], arm: Arm | No
 def hardly_differ(name: ParameterId, partners: Sequence[ParameterId], arm: Arm | None, uncertainty: float,
                   plausible: float) -> str:
     """The sentence for a parameter that the noise hides: its standard deviation and plausible magnitude."""
-    unit = next((f" {words}" for end, words in _UNITS.items() if name.endswith(end)), "")
+    unit = f" {unit_of(name)}".rstrip()
     text = (f"{name} is lost in the noise: known to {uncertainty:.2g}{unit} only, plausible is "
             f"{plausible:.2g}{unit}")
     if not partners:

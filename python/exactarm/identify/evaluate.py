@@ -72,9 +72,10 @@ class Evaluation:
     """error (N,) of every row in `unit`; residual (N, m) with its column names; summaries overall and by
     session.
 
-    warnings: effects that are used where they were never measured. data: the rows, where they are not those
-    of the file (closures); distances: of closures, known distance -> |error| in m; tilt: mean angle in rad by
-    which gravity's direction is missed; pixels: RMS that corners in pictures are missed by.
+    rows: how many are summarised; by_axis: every axis of a row by itself. warnings: effects that are used
+    where they were never measured. data: the rows, where they are not those of the file (closures);
+    distances: of closures, known distance -> |error| in m; tilt: mean angle in rad by which gravity's
+    direction is missed; pixels: RMS that corners in pictures are missed by.
     """
 
     unit: str
@@ -83,6 +84,8 @@ class Evaluation:
     columns: tuple[str, ...]
     overall: ErrorSummary
     sessions: tuple[tuple[int, ErrorSummary], ...]
+    rows: int
+    by_axis: bool = False
     warnings: tuple[str, ...] = ()
     data: Dataset | None = None
     distances: dict[str, float] | None = None
@@ -95,10 +98,11 @@ class Evaluation:
            judged: np.ndarray, each: np.ndarray | None = None, **more: Any) -> Evaluation:
         """session (N,) of the rows; judged (N,) bool: those that are summarised; each (N, k): by what, where
         a row has several errors."""
-        each = error[:, None] if each is None else each
-        over = lambda rows: summarise(each[rows].ravel())
+        values = error[:, None] if each is None else each
+        over = lambda rows: summarise(values[rows].ravel())
         sessions = tuple((int(s), over(judged & (session == s))) for s in np.unique(session))
-        return Evaluation(unit, error, residual, columns, over(judged), sessions, **more)
+        return Evaluation(unit, error, residual, columns, over(judged), sessions, int(judged.sum()),
+                          each is not None, **more)
 
 
 def evaluate_poses(robot: Robot, data: Dataset, seed: int = DEFAULT_SEED, threads: int = 1) -> Evaluation:
