@@ -167,19 +167,21 @@ def _report(robot: Robot, data: Dataset, result: Evaluation) -> Report:
         (str(session), e.n, *(Quantity(v, unit) for v in (e.mean, e.rms, e.max, e.std)))
         for session, e in result.sessions)
     none = np.ones(len(result.error), bool)
-    several = result.by_axis
-    of_a_row = " A row's error is the RMS over its axes; the numbers above are over rows and axes." * several
+    of_a_row = (" A row's error is the RMS over its axes; the numbers above are over rows and axes."
+                if result.by_axis else "")
     return Report(f"Evaluation of {robot.name}", verdict, (
         Highlights((Highlight("mean", Quantity(s.mean, unit)), Highlight("RMS", Quantity(s.rms, unit)),
                     Highlight("maximum", Quantity(s.max, unit)))),
         to_improve(kind_of(data.kind)),
         Table("By session",
-              ("session", "values" if several else "rows", "mean", "RMS", "maximum", "std. dev."), rows),
+              ("session", "values" if result.by_axis else "rows", "mean", "RMS", "maximum", "std. dev."),
+              rows),
         *known,
         figure_of_panel("error_per_row", f"{name.capitalize()} of every row",
-                        partial(error_per_pose, result.error, result.error, none, unit, name=name), 3.6,
+                        partial(error_per_pose, result.error, result.error, none, unit, name=name,
+                                row=kind_of(data.kind).row), 3.6,
                         f"No row was used to fit the robot.{of_a_row}", f"{name} against the row"),
         figure_of_panel("error_histogram", f"Distribution of the {name}",
                         partial(error_histogram, result.error, result.error, unit, name=name, of="rows"), 3.0,
-                        "Number of rows by their error.", f"histogram of the {name}"),
+                        f"Number of rows by their error.{of_a_row}", f"histogram of the {name}"),
         Warnings(result.warnings)))
