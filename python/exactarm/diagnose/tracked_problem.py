@@ -1,9 +1,9 @@
 """Tracked motions as a diagnosis problem: residual = measured minus predicted path of the target (N, 3), m.
 
-Re-identified as for static poses: geometry, joint offsets, gear ratios and frames; those that the motion
-cannot tell are drawn to their declared values, with their plausible size as standard deviation. Neighbouring
-samples share their noise (a swinging arm, a device that wanders): they count as fewer, and whole runs or long
-pieces of them are held out. Fitted and searched on subsampled runs, judged on all samples.
+Re-identified as for static poses: geometry, joint offsets, gear ratios and frames; all but the frames are
+drawn to their declared values as much as the data say (identify/drawing.py). Neighbouring samples share
+their noise (a swinging arm, a device that wanders): they count as fewer, and whole runs or long pieces of
+them are held out. Fitted and searched on subsampled runs, judged on all samples.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from exactarm.diagnose.smoothness import second_order
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.calibrate import calibrated_robot, identifiable_layout, require_sessions
 from exactarm.identify.declared import geometry_layout, reestimated_layout
+from exactarm.identify.drawing import Drawn
 from exactarm.identify.layout_fit import Drawing
 from exactarm.identify.tracked_fit import (
     KIND,
@@ -104,31 +105,29 @@ class TrackedProblem(ProblemInTime):
 
     def declared(self) -> Layout:
         frames = tracked_frames(self.robot, self.data, self.seed)
-        layout = frames.joined(geometry_layout(self.robot)).joined(
-            reestimated_layout(self.robot, self.data, KIND))
+        arm, estimated = geometry_layout(self.robot), reestimated_layout(self.robot, self.data, KIND)
+        layout = frames.joined(arm).joined(estimated)
         still = static_rows(self.data)
         kept, _ = identifiable_layout(self.robot, layout, still, False, threads=self.threads)
         first = self.fit(kept)
         if self._leave_out(first):
             first = self.fit(kept)
+        # What the first fit says of what the path hardly tells is noise and what hides in the data: held
+        # there, or at its declared value, it would leave a trace that an effect of a wrong axis explains, and
+        # free beside a cause that does the same (a preload and a zero) it would run off by a radian.
+        others = {name: (float(value), p.plausible) for name, value, p in
+                  zip(estimated.names, estimated.values, estimated.parameters) if np.isinf(p.prior)}
+        self._drawing = others | Drawn.around(arm, kept, first.fit).to
+        drawn_fit = self.fit(kept)  # a prior weighs as much as the independent numbers beside it let it
+        if drawn_fit.fit.converged:
+            self._noise = drawn_fit.noise
+            return kept
+        self._drawing = {}  # held, where the path bends along what it cannot tell
         # As if every other sample had told nothing new: the sigma of independent rows, at the number of rows
         # used here.
         sigma = first.sigma[:1] * np.sqrt(len(still) / len(self.record.data))
         near = Layout(first.layout.effects, kept.free)
-        told, _ = identifiable_layout(self.robot, near, still, False, sigma, self.threads)
-        # What the first fit says of the others is noise and what hides in the data. Held there, or at their
-        # declared values, they would leave a trace that an effect of a wrong axis explains.
-        drawn = zip(kept.names, kept.values, kept.parameters)
-        self._drawing = {name: (float(value), p.plausible) for name, value, p in drawn
-                         if name not in told.names}
-        if not self._drawing:
-            return kept
-        drawn_fit = self.fit(kept)  # a prior weighs as much as the independent numbers beside it let it
-        if not drawn_fit.fit.converged:  # held, where the path bends along what it cannot tell
-            self._drawing = {}
-            return told
-        self._noise = drawn_fit.noise
-        return kept
+        return identifiable_layout(self.robot, near, still, False, sigma, self.threads)[0]
 
     def _leave_out(self, fitted: Fitted) -> bool:
         """Whether single readings jump away from the path and back: those count nowhere any more."""
