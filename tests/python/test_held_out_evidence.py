@@ -127,7 +127,8 @@ def test_an_effect_that_held_out_rows_refute_is_not_what_the_model_lacks():
 
 def test_what_left_the_model_is_no_part_of_what_its_error_is_said_of():
     effects = (SimpleNamespace(title=title) for title in ("backlash of axis 2", "gear ratio of axis 5"))
-    held, gone = (SimpleNamespace(effect=each, probability=0.1, likelier="it wobbles") for each in effects)
+    held, gone = (SimpleNamespace(effect=each, probability=0.1, likelier="it wobbles", contradicted=True)
+                  for each in effects)
     sets = {"identification": summarise(np.full(5, 1.0)), "validation": summarise(np.full(5, 1.0))}
     said = lambda found, dropped: sentence_of(EXPLAINED, found, [], sets, sets, None, 1.0, dropped=dropped)
     assert said([held], [gone]).startswith("The fitted rows ask for backlash of axis 2; with it the")

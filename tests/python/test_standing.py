@@ -1,5 +1,7 @@
-"""Effects less likely than not that held-out rows contradict leave the model, the least likely first."""
+"""Effects less likely than not leave the model, the least likely first, where held-out rows contradict them
+or an unknown function is far likelier."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
@@ -8,6 +10,7 @@ from exactarm.commands.diagnose import _objected
 from exactarm.diagnose import standing
 from exactarm.diagnose.selected import Accepted, Selection
 from exactarm.diagnose.standing import Judged
+from exactarm.diagnose.verdict import beside
 
 PROBLEM = SimpleNamespace(settled=lambda fitted: fitted, unknown_rivals=False)
 DECLARED = SimpleNamespace(effects=())
@@ -42,7 +45,7 @@ def judged(monkeypatch):
 
 
 def test_the_least_likely_leaves_first_and_the_others_are_judged_anew(judged):
-    left, _, dropped = judged({"abc": [0.9, 0.4, 0.1], "ab": [0.9, 0.6]}).uncontradicted(PROBLEM, DECLARED)
+    left, _, dropped = judged({"abc": [0.9, 0.4, 0.1], "ab": [0.9, 0.6]}).standing(PROBLEM, DECLARED)
     assert [(each.effect.name, each.probability) for each in dropped] == [("c", 0.1)]
     assert [a.effect.name for a in left.selection.accepted] == ["a", "b"] and left.sure == [0.9, 0.6]
     assert len(left.selection.fits) == 2 and {a.round for a in left.selection.accepted} == {0}
@@ -51,24 +54,36 @@ def test_the_least_likely_leaves_first_and_the_others_are_judged_anew(judged):
 
 
 def test_where_none_stays_the_declared_model_is_left(judged):
-    left, _, dropped = judged({"ab": [0.3, 0.2], "a": [0.49], "": []}).uncontradicted(PROBLEM, DECLARED)
+    left, _, dropped = judged({"ab": [0.3, 0.2], "a": [0.49], "": []}).standing(PROBLEM, DECLARED)
     assert [each.effect.name for each in dropped] == ["b", "a"]
     assert not left.selection.accepted and len(left.selection.fits) == 1
 
 
 def test_what_stands_stays_as_it_is(judged):
     made = judged({"ab": [0.5, 0.9]})
-    assert made.uncontradicted(PROBLEM, DECLARED) == (made, None, ())
+    assert made.standing(PROBLEM, DECLARED) == (made, None, ())
 
 
 def test_what_an_unknown_function_outdoes_stays_while_held_out_rows_speak_for_it(judged):
     made = judged({"ab": [0.9, 0.2]}, share=0.2)
-    assert made.uncontradicted(PROBLEM, DECLARED) == (made, None, ())
+    assert made.standing(PROBLEM, DECLARED) == (made, None, ())
     against = judged({"ab": [0.9, 0.2], "a": [0.9]}, gain=-0.1, share=0.2)
-    assert [each.effect.name for each in against.uncontradicted(PROBLEM, DECLARED)[2]] == ["b"]
+    assert [each.effect.name for each in against.standing(PROBLEM, DECLARED)[2]] == ["b"]
+
+
+def test_what_an_unknown_function_outdoes_leaves_where_nothing_stands(judged):
+    left, _, dropped = judged({"ab": [0.3, 0.2], "a": [0.9]}, share=0.4).standing(PROBLEM, DECLARED)
+    assert [each.effect.name for each in dropped] == ["b"] and left.sure == [0.9]
+    assert not dropped[0].contradicted
+    assert beside((), dropped) == " Something else is likelier than b of axis 1, left out of the model."
+    assert _objected(SimpleNamespace(dropped=dropped)) is None, "rows that were not fitted chose nothing"
+    by_rivals = judged({"ab": [0.3, 0.2]}, share=1.0)
+    by_rivals = replace(by_rivals, selection=replace(by_rivals.selection, accepted=tuple(
+        replace(each, probability=0.3) for each in by_rivals.selection.accepted)))
+    assert by_rivals.standing(PROBLEM, DECLARED)[2] == (), "one of them is the cause"
 
 
 def test_rows_that_have_objected_are_said_to_have_chosen(judged):
-    dropped = judged({"ab": [0.9, 0.2], "a": [0.9]}).uncontradicted(PROBLEM, DECLARED)[2]
+    dropped = judged({"ab": [0.9, 0.2], "a": [0.9]}).standing(PROBLEM, DECLARED)[2]
     assert "took b of axis 1 out of the model" in _objected(SimpleNamespace(dropped=dropped))
     assert _objected(SimpleNamespace(dropped=())) is None

@@ -150,9 +150,9 @@ def _doubted(result: Diagnosis) -> str | None:
 
 def _objected(result: Diagnosis) -> str | None:
     """In words: what rows that were not fitted took out, and that their error has seen it."""
-    if not result.dropped:
+    titles = ", ".join(dict.fromkeys(each.effect.title for each in result.dropped if each.contradicted))
+    if not titles:
         return None
-    titles = ", ".join(dict.fromkeys(each.effect.title for each in result.dropped))
     return (f"rows that were not fitted took {titles} out of the model: the error that they show has seen "
             "this choice; new ones judge without it (exactarm evaluate)")
 

@@ -165,7 +165,7 @@ def _next(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contributi
                         "geometry too."))
     elif result.dropped and not found:
         lines.append("Keep your robot file: `robot.toml` of this folder is the same with its own parameters "
-                     "estimated again, and holds nothing that rows contradict which were not fitted.")
+                     "estimated again, and holds nothing of what the fitted rows ask for.")
     elif result.verdict == NOTHING and robot.has_geometry:
         lines.append("Nothing need be added. `robot.toml` of this folder is your robot file with its own "
                      "parameters estimated again from these data.")
@@ -307,5 +307,5 @@ def _error_figures(result: Diagnosis, name: str, row: str) -> tuple:
                                      for s in sets])
     order = f" The fitted {row}s stand first." if len(sets) > 1 else ""
     order += _NOT_DRAWN if _outliers(result) else ""
-    part = "fit" if result.dropped else "fit or choice"
+    part = "fit" if any(each.contradicted for each in result.dropped) else "fit or choice"
     return error_figures(before[used], after[used], identification[used], result.unit, name, row, order, part)

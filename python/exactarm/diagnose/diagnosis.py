@@ -177,7 +177,7 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
         causes = calmed
         asked = judged = Judged.of(problem, declared, Selection(selection.fits[:1], ()), causes)
     else:
-        judged, causes, dropped = judged.uncontradicted(problem, declared, causes)
+        judged, causes, dropped = judged.standing(problem, declared, causes)
     selection, errors, own = judged.selection, judged.errors, judged.own
     first, last = selection.fits[0], selection.fits[-1]
     noise = noise_floor(problem, last)

@@ -1,8 +1,9 @@
-"""Which of the effects found stay once held-out rows have spoken.
+"""Which of the effects found stay once unknown functions and held-out rows have spoken.
 
 An effect that is then less likely than not, and against which held-out rows speak, leaves the model:
-something else looked like it, and a program corrected by it would go wrong elsewhere. One that only an
-unknown function outdoes stays as what comes nearest in the library, with its probability.
+something else looked like it, and a program corrected by it would go wrong elsewhere. So does one that an
+unknown function outdoes, where no other effect stands. Beside one that does it stays, as what comes nearest
+in the library, with its probability: what it takes away, the others would be judged by.
 """
 
 from __future__ import annotations
@@ -27,15 +28,18 @@ from exactarm.effects.base import Effect
 
 @dataclass(frozen=True)
 class Dropped:
-    """An effect that the fitted rows ask for and held-out rows contradict; likelier: the unknown function
-    that explains better what it explains, None: there is none."""
+    """An effect that the fitted rows ask for and that is not in the model; likelier: the unknown function
+    that explains better what it explains, None: there is none; contradicted: by held-out rows, not by that
+    function alone."""
 
     effect: Effect
     probability: float
     likelier: Structure | None
+    contradicted: bool = True
 
     def to_json(self) -> dict[str, object]:
-        reason = "held-out rows contradict it" + (f"; likelier: {self.likelier}" if self.likelier else "")
+        reasons = ["held-out rows contradict it"] if self.contradicted else []
+        reason = "; ".join([*reasons, *([f"likelier: {self.likelier}"] if self.likelier else [])])
         return {"effect": self.effect.name, "joint": self.effect.joint, "probability": self.probability,
                 "reason": reason}
 
@@ -61,28 +65,31 @@ class Judged:
                 for k, accepted in enumerate(selection.accepted)]
         return Judged(selection, errors, own, gains, sure)
 
-    def _contradicted(self) -> list[int]:
-        """Places of effects less likely than not whom held-out rows brought there, or against whom they
-        speak: alone, or against all together."""
-        found = []
-        for k, accepted in enumerate(self.selection.accepted):
-            by_fitted = accepted.probability * accepted.share
-            gain = self.own[k].gain if self.own else self.gains[accepted.round]
-            if self.sure[k] < NAMED_AT and (by_fitted >= NAMED_AT or gain < 0.0 or sum(self.gains) < 0.0):
-                found.append(k)
-        return found
+    def _contradicted(self, place: int) -> bool:
+        """Whether held-out rows have left an effect less likely than not, or speak against it: alone, or
+        against all together."""
+        accepted = self.selection.accepted[place]
+        by_fitted = accepted.probability * accepted.share
+        gain = self.own[place].gain if self.own else self.gains[accepted.round]
+        return by_fitted >= NAMED_AT or gain < 0.0 or sum(self.gains) < 0.0
 
-    def uncontradicted(self, problem: Problem, declared: Layout, causes: Causes | None = None
-                      ) -> tuple[Judged, Causes | None, tuple[Dropped, ...]]:
-        """Without the effects that held-out rows contradict, the least likely first, the others fitted and
-        judged anew until all stay; the causes that are left; and the effects that are not."""
+    def _unlikely(self) -> list[int]:
+        """Places of effects that may not stay."""
+        alone = not any(sure >= NAMED_AT for sure in self.sure)
+        return [k for k, accepted in enumerate(self.selection.accepted) if self.sure[k] < NAMED_AT
+                and (self._contradicted(k) or alone and accepted.share < NAMED_AT)]
+
+    def standing(self, problem: Problem, declared: Layout, causes: Causes | None = None
+                 ) -> tuple[Judged, Causes | None, tuple[Dropped, ...]]:
+        """Without the effects that may not stay, the least likely first, the others fitted and judged anew
+        until all do; the causes that are left; and the effects that are not."""
         at, dropped = self, ()
         rows = problem.search_rows() if causes else None
         noise = causes.noise if causes and rows is None else None
-        while contradicted := at._contradicted():
-            out = min(contradicted, key=lambda k: at.sure[k])
+        while unlikely := at._unlikely():
+            out = min(unlikely, key=lambda k: at.sure[k])
             gone, fits = at.selection.accepted[out], at.selection.fits
-            dropped += (Dropped(gone.effect, at.sure[out], gone.likelier),)
+            dropped += (Dropped(gone.effect, at.sure[out], gone.likelier, at._contradicted(out)),)
             kept, found = [replace(a, round=0) for a in _without(at.selection.accepted, out)], fits[:1]
             causes = causes and replace(causes, places=_without(causes.places, out))
             if kept:

@@ -147,7 +147,7 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
                 undecided: Undecided | None = None, withdrawn: tuple[str, ...] = (), dropped=()) -> str:
     """The verdict in one sentence that a technician understands; gain: of the held-out rows, in nats;
     undecided: causes of which one is missing; withdrawn: of those that held-out rows refute where
-    nothing need be missing; dropped: effects that they contradict, no longer in the model."""
+    nothing need be missing; dropped: effects that are no longer in the model."""
     judged = "validation" if after["validation"].n else "identification"
     if findings or dropped:
         stood, refuted = stood_and_refuted(findings)
@@ -207,7 +207,9 @@ def beside(refuted, dropped=()) -> str:
     held = [*([f"{_listed(unsure)}, less likely than not"] if unsure else []),
             *([f"{_listed(worse)}, where something else is likelier"] if worse else [])]
     text = f" The model also holds {'; and '.join(held)}." if held else ""
-    asked = _listed([each.effect.title for each in dropped])
+    outdone = [each.effect.title for each in dropped if not each.contradicted]
+    asked = _listed([each.effect.title for each in dropped if each.contradicted])
+    text += f" Something else is likelier than {_listed(outdone)}, left out of the model." if outdone else ""
     return text + (f" The fitted rows also ask for {asked}, which rows that were not fitted contradict."
                    if asked else "")
 
