@@ -20,6 +20,7 @@ from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.scan import scan
 from exactarm.diagnose.signal import PLACE
 from exactarm.effects import effect_from_table
+from exactarm.identify.declared import geometry_layout
 from exactarm.identify.evaluate import evaluate_tracked_motion
 from exactarm.identify.tracked_fit import subsampled_record, tracked_record
 from exactarm.robot.writer import write_robot
@@ -70,6 +71,26 @@ def test_an_error_that_follows_the_place_is_no_noise_however_smooth_it_is_in_tim
     first = dossier(problem, problem.fit(problem.declared()))
     place = next(each for each in first.follows if each.signal.quantity == PLACE)
     assert place.significant is found and (not found or place.share > 0.1)
+
+
+@pytest.mark.slow
+def test_every_declared_parameter_is_drawn_to_the_drawing():
+    """A cause that does what one of them does (a preload, a zero) would else run off with it, however well
+    the path tells it alone. Of an arm that is as its file says the scale of the drawing is small."""
+    data = tracked(None, 3)
+    problem = problem_for(ur10(), data, data.select(np.zeros(len(data), bool)), 1, 0)
+    fitted = problem.fit(problem.declared())
+    arm = geometry_layout(ur10())
+    drawn = [name for name in fitted.layout.names if name in set(arm.names)]
+    plausible = {name: p.plausible for name, p in zip(arm.names, arm.parameters)}
+    assert len(drawn) == 18 and all(name in fitted.drawing for name in drawn)
+    assert all(fitted.drawing[name][1] < 0.5 * plausible[name] for name in drawn)
+    values = dict(zip(fitted.layout.names, fitted.layout.values))
+    off = [(values[name] - fitted.drawing[name][0]) / fitted.drawing[name][1] for name in drawn]
+    assert np.abs(off).max() < 3.0
+    design = fitted.design
+    assert fitted.fit.covariance == pytest.approx(np.linalg.inv(design.T @ design), rel=1e-6, abs=0.0), (
+        "samples that count as fewer do so once, and no prior counts as less")
 
 
 @pytest.mark.slow

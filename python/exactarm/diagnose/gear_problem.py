@@ -191,7 +191,7 @@ class GearProblem(ProblemInTime):
         there."""
         share = self._estimator.share_of(again, self.record.runs, self._step)
         covariance = np.where(slow[:, None] | slow, 0.0, fitted.fit.covariance)
-        covariance[np.ix_(slow, slow)] = again.fit.covariance * fitted.noise.share / share
+        covariance[np.ix_(slow, slow)] = self._worth(again, share).fit.covariance
         return replace(fitted.fit, x=layout.values, covariance=covariance)
 
     def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:

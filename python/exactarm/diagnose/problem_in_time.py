@@ -30,6 +30,7 @@ from exactarm.diagnose.signal import (
 )
 from exactarm.diagnose.time_groups import run_groups, stretches_of_response, time_groups
 from exactarm.identify.declared import all_effects, with_estimates
+from exactarm.numerics.regression import gram_inverse
 from exactarm.robot.robot import Robot
 from exactarm.view import View
 
@@ -85,9 +86,18 @@ class ProblemInTime(Problem):
     def _counted(self, fitted: Fitted, known: NoiseMemory, step: float) -> Fitted:
         """Correlated samples, `step` s apart, count as fewer, against priors and in intervals."""
         known = self._estimator.renewed(known, fitted, self.record.runs, step)
-        freedom = max(int(known.share * fitted.fit.freedom), 1)
-        widened = replace(fitted.fit, covariance=fitted.fit.covariance / known.share, freedom=freedom)
-        return replace(fitted, sigma=fitted.sigma / np.sqrt(known.share), fit=widened, noise=known)
+        return replace(self._worth(fitted, known.share), noise=known)
+
+    @staticmethod
+    def _worth(fitted: Fitted, share: float) -> Fitted:
+        """The fit where its samples are worth so many independent ones each."""
+        counted = replace(fitted, sigma=fitted.sigma / np.sqrt(share))
+        freedom, covariance = max(int(share * fitted.fit.freedom), 1), fitted.fit.covariance / share
+        if len(counted.prior_rows):  # which are worth as much, however few the samples are
+            free, design = ~fitted.fit.at_bound, counted.design
+            inverse, scale = gram_inverse(design[:, free].T @ design[:, free])
+            covariance[np.ix_(free, free)] = inverse / np.outer(scale, scale)
+        return replace(counted, fit=replace(fitted.fit, covariance=covariance, freedom=freedom))
 
     @property
     def run(self) -> np.ndarray:
