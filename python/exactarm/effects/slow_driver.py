@@ -147,7 +147,8 @@ class Follows(Effect):
 
     def forms_on(self, data) -> Iterator[Effect]:
         """Its forms on these rows, at zero size: steady, and where the driver has no course of its own,
-        settling."""
+        settling. By the order of rows only within one set-up: how long it took to move to the next no row
+        tells."""
         t = slow_signal(data, self.driver)
         if not self.in_record or not np.ptp(t) > 0.0:
             yield self
@@ -155,7 +156,8 @@ class Follows(Effect):
         zero = 0.0 if self.driver in (TIME, ROW) else REFERENCE_DEGC
         steady = replace(self, between=(zero + float(t.min()), zero + float(t.max())))
         yield steady
-        if self.may_settle and self.driver in (TIME, ROW):
+        clock = self.driver == TIME or self.driver == ROW and np.ptp(data.session) == 0
+        if self.may_settle and clock:
             tried = tuple(np.ptp(t) * np.geomspace(_SHORTEST, _LONGEST, _COURSES))
             yield replace(steady, values=(*self.values, float(tried[-1])), settles=True, tried=tried)
 
