@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from exactarm.commands.diagnose import _objected
+from exactarm.commands.diagnose import _objected, _structure
 from exactarm.diagnose import standing
 from exactarm.diagnose.selected import Accepted, Selection
 from exactarm.diagnose.standing import Judged
@@ -87,3 +87,12 @@ def test_rows_that_have_objected_are_said_to_have_chosen(judged):
     dropped = judged({"ab": [0.9, 0.2], "a": [0.9]}).standing(PROBLEM, DECLARED)[2]
     assert "took b of axis 1 out of the model" in _objected(SimpleNamespace(dropped=dropped))
     assert _objected(SimpleNamespace(dropped=())) is None
+
+
+def test_where_nothing_else_is_left_the_evidence_names_what_does_not_stand(judged):
+    dropped = judged({"ab": [0.9, 0.2], "a": [0.9]}).standing(PROBLEM, DECLARED)[2]
+    result = SimpleNamespace(dossier_after=SimpleNamespace(structure=()), unknown=(), dropped=dropped,
+                             causes=SimpleNamespace(probability_nothing=0.02, unknown=()))
+    told = _structure(result)
+    assert told["probability"] == pytest.approx(0.98)
+    assert told["evidence"].startswith("the fitted rows ask for b of axis 1, which does not stand")

@@ -283,11 +283,18 @@ def _structure(result: Diagnosis) -> dict[str, Any]:
     share = (f" ({100 * signal.share:.0f} % of the remaining square sum, p = {signal.p_value:.1e})"
              if signal else "")
     probability = 1.0 - (signal.p_value if signal else 0.0)
-    unknown = result.unknown
-    if unknown and result.causes is not None:
-        causes, share = result.causes, ""
+    unknown, causes = result.unknown, result.causes
+    if unknown and causes is not None:
+        share = ""
         probability = (causes.probability_something_else if causes.unknown
                        else probability_not_noise(causes.noise))
+    elif signal is None and causes is not None:
+        probability = 1.0 - causes.probability_nothing
+    if not unknown and signal is None and result.dropped:
+        titles = ", ".join(dict.fromkeys(each.effect.title for each in result.dropped))
+        return {"probability": probability,
+                "evidence": f"the fitted rows ask for {titles}, which does not stand; the rest follows no "
+                            "single signal beyond chance"}
     return {
         "probability": probability,
         "evidence": f"a structure that no candidate explains: {remains(left, result.excess, unknown)}{share}"}
