@@ -1,6 +1,7 @@
 """What one effect does by itself: its own signal, its size, its share that nothing else makes up for; and the
 words for it."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,7 +9,15 @@ import pytest
 
 import exactarm as ea
 from exactarm.commands.diagnose_report import _many_left_out, _outliers, found_effects, report_of
-from exactarm.commands.effect_sections import _at_tool_note, _row, _size, causes_in_words, on_axes, percent
+from exactarm.commands.effect_sections import (
+    _at_tool_note,
+    _row,
+    _size,
+    causes_in_words,
+    on_axes,
+    orders_table,
+    percent,
+)
 from exactarm.diagnose.contribution import (
     _at_tool,
     _follows,
@@ -24,6 +33,7 @@ from exactarm.diagnose.signal import ANGLE, LOAD, SPEED, TIME, Signal, axis_of, 
 from exactarm.effects.base import Station
 from exactarm.effects.expression import Expression
 from exactarm.effects.gear_harmonics import GearHarmonics
+from exactarm.effects.joint_compliance import RelativeCompliance
 from exactarm.effects.joint_coupling import JointCoupling
 from exactarm.effects.order_source import likely_source
 from exactarm.effects.tracker_step import TrackerStep
@@ -134,7 +144,7 @@ def test_the_size_of_a_cause_is_a_number_that_is_not_zero_within_its_interval():
         parameters = [SimpleNamespace(name=f"m_{k}_kg", fixed=False) for k in range(1, len(intervals) + 1)]
         effect = SimpleNamespace(orders=lambda: (), parameters=lambda: parameters,
                                  values=[0.5 * sum(interval) for interval in intervals],
-                                 in_units_of=lambda robot, name: name)
+                                 in_units_of=lambda robot, name: name, told_by="")
         measure, size = _size(SimpleNamespace(effect=effect, derived={}, intervals=intervals), None, None)
         return measure, size.low, size.high
 
@@ -254,6 +264,28 @@ def test_of_a_push_the_largest_component_is_told():
     assert measure == "y" and size.value == 3.2e-3
 
 
+def test_of_a_joint_that_gives_way_the_compliance_is_told_and_no_correction_of_its_load():
+    """`tip`, what the guessed mass at the flange is off by, stood for the stiffness where it was larger."""
+    effect = RelativeCompliance(3, (3.8e-6, 4.9e-6, 0.0), False, False, True)
+    half = np.array([4e-7, 1e-6, 0.0])
+    finding = SimpleNamespace(effect=effect, derived={},
+                              intervals=np.stack([effect.values - half, effect.values + half], axis=1))
+    measure, size = _size(finding, None, ea.load_robot("gen3lite"))
+    assert measure == "linear" and size.value == 3.8e-6
+
+
+def test_waves_of_an_axis_that_slides_are_told_by_their_length():
+    robot = ea.load_robot("ur10")
+    wave = GearHarmonics(1, (100.0 * np.pi, -0.03, 0.04))
+    finding = SimpleNamespace(effect=wave, probability=1.0)
+    rail = replace(robot, joints=(replace(robot.joints[0], type="prismatic"), *robot.joints[1:]))
+    (axis, each, size, source), = orders_table([(finding, None)], rail).rows
+    assert (axis, each, source) == ("1", "every 20.0 mm", "")
+    assert (size.value, size.unit) == (pytest.approx(0.05 / (100.0 * np.pi)), "m")
+    (_, each, size, _), = orders_table([(finding, None)], robot).rows
+    assert (each.value, size.unit) == (pytest.approx(100.0 * np.pi), "rad")
+
+
 def test_the_size_at_the_tool_is_that_of_the_rows_that_are_moved():
     """A zero that moved in the last quarter of the rows: their median, not that of all."""
     moved = np.zeros((40, 3))
@@ -267,12 +299,14 @@ def test_rows_left_out_are_told_of_both_sets_and_many_in_the_verdict():
     def result(excluded, before, after):
         sets = [{"identification": SimpleNamespace(n=50), "validation": SimpleNamespace(n=n)}
                 for n in (before, after)]
-        return SimpleNamespace(excluded=excluded, before=sets[0], after=sets[1])
+        return SimpleNamespace(excluded=excluded, before=sets[0], after=sets[1],
+                               excluded_elsewhere=tuple(f"row {k}" for k in range(before - after)))
 
     assert _outliers(result(0, 18, 18)) == () and _many_left_out(result(0, 18, 18), "validation") == ""
     assert _outliers(result(1, 18, 18)) == ("1 identification row was left out as an outlier",)
     many = result(1, 18, 15)
-    assert _outliers(many) == ("1 identification row and 3 validation rows were left out as outliers",)
+    assert _outliers(many) == (
+        "1 identification row and 3 validation rows (row 0, row 1, row 2) were left out as outliers",)
     assert _many_left_out(many, "validation") == " (3 of the 18 left out as outliers)"
     assert _many_left_out(result(2, 450, 449), "validation") == ""
 

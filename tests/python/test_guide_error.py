@@ -14,6 +14,7 @@ from exactarm import _core
 from exactarm.chain import Layout, predict_poses
 from exactarm.chain.extrapolation import extrapolations
 from exactarm.data.dataset import Dataset
+from exactarm.diagnose.pose_problem import PoseProblem
 from exactarm.effects import effect_from_table, library
 from exactarm.effects.frames import Frames
 from exactarm.effects.gear_harmonics import GearHarmonics
@@ -236,6 +237,15 @@ def on_a_rail(motions, count: int, seed: int):
     q = angles(robot, count, seed)
     _, moved = moved_by_the_guide(true, q, 0, motions(q[:, 0]))
     return true, robot, poses(q, moved + NOISE_M * random.normal(size=moved.shape))
+
+
+@pytest.mark.parametrize("ratio, told", [(None, True), (100.0 * np.pi, False)])
+def test_waves_that_nobody_knows_where_to_look_for_are_said_not_to_be_searched(ratio, told):
+    _, robot, data = on_a_rail(rail(1, 0.0), 20, 1)
+    robot = replace(robot, joints=(replace(robot.joints[0], ratio=ratio), *robot.joints[1:]))
+    lines = PoseProblem(robot, data, data.select(np.zeros(len(data), bool))).left_out()
+    told_of = [line.startswith("axis 1 slides and its file has no ratio_rad_m") for line in lines]
+    assert told_of == [True] * told
 
 
 def panels_of(result) -> set[str]:

@@ -54,7 +54,7 @@ def test_a_cause_that_held_out_rows_contradict_is_said_last_and_advised_against(
     result = SimpleNamespace(
         findings=(doubtful, sure), before=before, after=ERRORS, verdict=EXPLAINED, kind="poses", drafts=(),
         next_experiment=None, noise=NoiseFloor(1.0, "as the test says", True), converged=True,
-        dropped=(doubtful,))
+        dropped=(doubtful,), unit="rad")
     (text,) = _next(six_axis(), result, found)
     advice = " ".join(text.paragraphs)
     assert "Keep your robot file" not in advice  # this one holds what was found

@@ -1,8 +1,13 @@
 """Single readings that belong to no path, and what is none of them."""
 
-import numpy as np
+from dataclasses import replace
 
-from exactarm.identify.wild_rows import single_wild_rows
+import numpy as np
+import pytest
+
+import exactarm as ea
+from exactarm.data.split import DEFAULT_SEED
+from exactarm.identify.wild_rows import single_wild_rows, wild_elsewhere_line
 
 ROWS = np.arange(1000)
 
@@ -33,3 +38,30 @@ def test_rows_of_two_runs_are_no_neighbours():
     error = errors()
     error[498:502] = 20.0
     assert single_wild_rows(error, [ROWS[:500], ROWS[500:]]).sum() == 4
+
+
+def test_a_wild_row_that_was_not_fitted_is_named_with_what_the_others_miss_by():
+    error = np.full(24, 5e-5)
+    error[[3, 7]] = [np.nan, 1e-2]
+    assert wild_elsewhere_line(error, "row {}".format) == (
+        "row 7 misses by 10 mm, more than 8 times the median of the 23 rows that were not fitted; the others "
+        "miss by 0.05 mm (RMS): a wrong reading?")
+    error[8:12] = 2e-2
+    several = wild_elsewhere_line(error, "row {}".format)
+    assert several.startswith("row 8, row 9, row 10, ... miss by up to 20 mm")
+    assert wild_elsewhere_line(error[:3], "row {}".format) is None
+    assert wild_elsewhere_line(np.zeros(0), "row {}".format) is None
+
+
+@pytest.mark.slow
+def test_a_gross_validation_row_is_no_noise_and_no_lack_of_poses():
+    data = ea.simulate("ur10", count=60, noise=3e-5, counts=0, seed=1).data
+    position, row = data.position.copy(), int(np.flatnonzero(~data.split(DEFAULT_SEED))[5])
+    position[row, 0] += 1e-2
+    wrong = replace(data, position=position)
+    for result in (ea.diagnose("ur10", wrong), ea.calibrate("ur10", wrong)):
+        told = [line for line in result.json["warnings"] if "misses by" in line]
+        assert len(told) == 1 and told[0].startswith(wrong.place_of(row))
+    text = " ".join(ea.diagnose("ur10", wrong).summary().split())
+    assert "Look at this first: " in text and "times as large as on the fitted" not in text
+    assert "are noise is what the fit says" not in text

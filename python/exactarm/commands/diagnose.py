@@ -26,6 +26,7 @@ from exactarm.commands.design_for import experiment_json
 from exactarm.commands.diagnose_report import report_of
 from exactarm.commands.effect_sections import rows_left_out
 from exactarm.commands.load_section import with_load_section, with_payload_section
+from exactarm.commands.measure_more import wild_elsewhere
 from exactarm.commands.memory import within_memory
 from exactarm.commands.outcome import recorded
 from exactarm.commands.output import PICTURES, ROBOT_FILES
@@ -104,7 +105,8 @@ def diagnose(robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, thread
         results.append(result)
         doubts = result.problem.doubts(result.selection.fits[-1])
         warnings += [line for line in (*told, *found, *doubts) if line not in warnings]
-    lines = (line for each in results for line in (_mounted_otherwise(each), _doubted(each), _objected(each)))
+    lines = (line for each in results for line in (
+        _mounted_otherwise(each), _doubted(each), _objected(each), wild_elsewhere(each)))
     warnings += dict.fromkeys(line for line in lines if line is not None)
     first = results[0]
     also: dict[str, Any] = {"also": [_json(other) for other in results[1:]]} if len(results) > 1 else {}

@@ -11,13 +11,14 @@ from exactarm.commands.effect_sections import (
     curves_figure,
     effects_table,
     in_words,
+    listed_places,
     orders_table,
     parameters_table,
     percent,
     sizes_figure,
 )
 from exactarm.commands.error_sections import error_figures, error_table, highlights
-from exactarm.commands.measure_more import measure_more, to_tell_noise, worse_elsewhere
+from exactarm.commands.measure_more import measure_more, to_tell_noise, wild_elsewhere, worse_elsewhere
 from exactarm.commands.next_steps import HEADING
 from exactarm.data.kinds import kind_of
 from exactarm.diagnose.contribution import Contribution
@@ -107,9 +108,8 @@ def _sections(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contri
                       *_undecided(result)]
     if found:
         judged = "validation" if result.after["validation"].n else "identification"
-        geared = [joint.has_gear for joint in robot.joints]
         sections += [effects_table(result, found), *curves_figure(found),
-                     orders_table(found, robot.ratios, geared),
+                     orders_table(found, robot),
                      *sizes_figure(result, found, result.after[judged].rms), parameters_table(found, robot)]
     sections += [*_left_over(result), *_drafts(result)]
     sections += [error_table(result.before, result.after, unit, name.capitalize(), note),
@@ -146,6 +146,7 @@ def _outliers(result: Diagnosis) -> tuple[str, ...]:
     if not told:
         return ()
     one = sum(counts.values()) == 1
+    told += listed_places(result.excluded_elsewhere)
     return (f"{told} {'was left out as an outlier' if one else 'were left out as outliers'}",)
 
 
@@ -173,9 +174,11 @@ def _next(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contributi
         titles = [*dict.fromkeys(finding.effect.title for finding in refuted)]
         lines.append(f"It also holds {in_words(titles)}, less likely than not: take its `[[effects]]` out of "
                      "`robot.toml` unless new rows speak for it.")
-    if result.verdict == NOTHING and (worse := worse_elsewhere(result)):
+    if wild := wild_elsewhere(result):
+        lines.insert(0, f"Look at this first: {wild}")
+    elif result.verdict == NOTHING and (worse := worse_elsewhere(result)):
         lines.append(worse)
-    if result.verdict == NOTHING and not result.noise.measured:
+    if result.verdict == NOTHING and not result.noise.measured and not wild:
         lines.append(to_tell_noise(result))
     if found:
         lines.append(f"{kind_of(result.kind).anew} and run `exactarm evaluate robot.toml NEW.csv`: the error "

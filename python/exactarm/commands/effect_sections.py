@@ -11,6 +11,7 @@ from exactarm.data.kinds import kind_of
 from exactarm.diagnose.contribution import Contribution
 from exactarm.diagnose.decisions import NAMED_AT
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
+from exactarm.effects.axis_units import slides
 from exactarm.effects.base import Effect
 from exactarm.effects.order_source import likely_source
 from exactarm.effects.units_in_names import unit_of, words_of
@@ -107,7 +108,7 @@ def effects_table(result: Diagnosis, found: Sequence[tuple[Finding, Contribution
     note = _at_tool_note(result, [c for _, c in found if c is not None])
     if any(rows_left_out(result, finding) for finding, _ in found):
         note += ("Of single wrong measurements: the median error of the rows that are left "
-                 f"out{_places(result)}. ")
+                 f"out{listed_places(result.excluded_places)}. ")
     if any(getattr(finding, "own_share", None) is not None for finding, _ in found):
         note += ("Own share: a model without this effect alone, the others estimated again, has a larger "
                  "held-out square sum; so much of it goes with the effect. ")
@@ -117,9 +118,8 @@ def effects_table(result: Diagnosis, found: Sequence[tuple[Finding, Contribution
                  tuple(tuple(row[k] for k in kept) for row in rows), note.strip())
 
 
-def _places(result: Diagnosis) -> str:
-    """The rows that are left out, where they are few."""
-    places = getattr(result, "excluded_places", ())
+def listed_places(places: Sequence[str]) -> str:
+    """Rows that are left out, in brackets, where they are few."""
     more = f" and {len(places) - _PLACES} more, in `residuals.csv`" if len(places) > _PLACES else ""
     return f" ({', '.join(places[:_PLACES])}{more})" if places else ""
 
@@ -177,8 +177,8 @@ def _probability(member: Any) -> float:
 
 
 def _size(finding: Finding, contribution: Contribution | None, robot: Robot) -> tuple[str, Cell]:
-    """What is told of the effect's size: peak to peak of a curve, else its first number whose interval does
-    not hold zero, or the largest of these in the same unit."""
+    """What is told of the effect's size: peak to peak of a curve, the number that the effect names, else its
+    first one whose interval does not hold zero, or the largest of these in the same unit."""
     effect = finding.effect
     if effect.orders() and contribution is not None:
         value, half = contribution.peak_to_peak
@@ -189,7 +189,8 @@ def _size(finding: Finding, contribution: Contribution | None, robot: Robot) -> 
             if not p.fixed]
     if not free:
         return "", None
-    clear = [one for one in free if not one[2][0] <= 0.0 <= one[2][1]] or free[:1]
+    clear = [one for one in free if one[0].name == effect.told_by]
+    clear = clear or [one for one in free if not one[2][0] <= 0.0 <= one[2][1]] or free[:1]
     alike = [one for one in clear if unit_of(one[0].name) == unit_of(clear[0][0].name)]
     parameter, value, (low, high) = max(alike, key=lambda one: abs(one[1]))
     name = effect.in_units_of(robot, parameter.name)
@@ -217,18 +218,20 @@ def parameters_table(found: Sequence[tuple[Finding, Contribution | None]], robot
     return Table("Their parameters", ("effect", "parameter", "estimate (95 %)"), tuple(rows))
 
 
-def orders_table(found: Sequence[tuple[Finding, Contribution | None]], ratios: np.ndarray,
-                 geared: Sequence[bool]) -> Table:
-    """The strongest orders of every error that repeats, with what usually turns so."""
+def orders_table(found: Sequence[tuple[Finding, Contribution | None]], robot: Robot) -> Table:
+    """The strongest orders of every error that repeats, with what usually turns so; of an axis that slides,
+    whose waves are counted in 2 pi m of its way, how long each is."""
     rows: list[tuple[Cell, ...]] = []
     for finding, _ in in_order(found):
         effect = finding.effect
-        orders = sorted(effect.orders(), key=lambda pair: -pair[1])
-        ratio = float(ratios[effect.index]) if effect.joint is not None and geared[effect.index] else None
+        orders, way = sorted(effect.orders(), key=lambda pair: -pair[1]), slides(robot, effect.joint)
+        geared = effect.joint is not None and robot.joints[effect.index].has_gear
+        ratio = float(robot.ratios[effect.index]) if geared and not way else None
         for order, amplitude in orders[:_MOST_ORDERS]:
             if amplitude >= _LEAST_ORDER * orders[0][1]:
-                rows.append((str(effect.joint), Quantity(order), Quantity(amplitude, "rad"),
-                             likely_source(order, ratio)))
+                each = f"every {quantity(2.0 * np.pi / order, 'm')}" if way else Quantity(order)
+                rows.append((str(effect.joint), each, Quantity(amplitude, "m" if way else "rad"),
+                             "" if way else likely_source(order, ratio)))
     return Table("Strongest orders", ("axis", "per output turn", "amplitude", "usual source"), tuple(rows),
                  "The source is what usually turns so often in such a gear, not a measurement.")
 

@@ -29,6 +29,7 @@ from exactarm.diagnose.signal import (
     Structure,
 )
 from exactarm.diagnose.verdict import carries_badly
+from exactarm.identify.wild_rows import wild_elsewhere_line
 from exactarm.report.numbers import quantity
 
 # What is left follows, of which the first that holds counts: a signal of one of these quantities; for rows at
@@ -103,6 +104,13 @@ def to_tell_noise(result: Diagnosis) -> str:
     rms = result.after["validation" if result.after["validation"].n else "identification"].rms
     return (f"That the {quantity(rms, result.unit)} left (RMS) are noise is what the fit says of itself. If "
             f"the device is better than that, {_NOTHING[not kind_of(result.kind).at_rest]}.")
+
+
+def wild_elsewhere(result: Diagnosis) -> str | None:
+    """One line, where single poses that were not fitted miss by far more than the others."""
+    if not kind_of(result.kind).at_rest or result.unit != "m":
+        return None
+    return wild_elsewhere_line(result.errors_after["validation"], result.problem.held_out.place_of)
 
 
 def worse_elsewhere(result: Diagnosis) -> str | None:

@@ -134,6 +134,7 @@ class Diagnosis:
     unknown: tuple[Structure, ...] = ()  # what is known of causes that the library lacks
     excluded_error: float | None = None  # m, median of the rows that are left out
     excluded_places: tuple[str, ...] = ()  # of these rows, in words
+    excluded_elsewhere: tuple[str, ...] = ()  # of those among the validation rows
     left_over: LeftOver | None = None
     beyond: UnknownAxes | None = None  # of series: beside a model to which nothing else objects
 
@@ -239,6 +240,7 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
         problem=problem, excluded=int(wrong.sum()),
         excluded_error=_median_error(last.residual[wrong]),
         excluded_places=tuple(problem.data.place_of(row) for row in np.flatnonzero(wrong)),
+        excluded_elsewhere=tuple(problem.held_out.place_of(row) for row in _gone(errors)),
         axes=problem.axes(first, last), left_out=problem.left_out(),
         contributions=contributions(problem, last, declared),
         in_space=problem.in_space(first, last),
@@ -310,6 +312,11 @@ def _search(problem: Problem, declared: Layout, progress: Progress) -> tuple[Sel
     if causes is not None:
         fits[-1] = known_beside(problem, fits[-1], causes.noise, rows)
     return replace(found, fits=tuple(fits)), causes
+
+
+def _gone(errors: list[dict[str, np.ndarray]]) -> np.ndarray:
+    """Validation rows that the last model leaves out and the first did not."""
+    return np.flatnonzero(np.isfinite(errors[0]["validation"]) & np.isnan(errors[-1]["validation"]))
 
 
 def _judged(errors: dict[str, np.ndarray]) -> np.ndarray:

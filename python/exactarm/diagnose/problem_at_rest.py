@@ -52,6 +52,13 @@ class ProblemAtRest(Problem):
     def measured_poses(self) -> int:
         return len(self.data)
 
+    def left_out(self) -> tuple[str, ...]:
+        """Ways whose drive nobody declares: where its waves are to be looked for is not known."""
+        ways = [i for i, joint in enumerate(self.robot.joints, start=1)
+                if joint.type == "prismatic" and not joint.has_gear]
+        return tuple(f"axis {i} slides and its file has no ratio_rad_m: waves of its screw or pinion, "
+                     "shorter than its guide's, are not searched for" for i in ways)
+
     def groups(self) -> np.ndarray:
         return self._groups
 

@@ -81,6 +81,7 @@ class Effect(ABC):
     carried: ClassVar[bool] = False  # what the flange carries
     inertia_of: ClassVar[str] = ""  # "links" or "rotor": masses in the tables
     family: ClassVar[str] = ""  # effects of one family on one axis may be forms of one cause (`includes`)
+    told_by: ClassVar[str] = ""  # the parameter that is its size; else the largest
     in_axis_units: ClassVar[bool] = False  # its rad and Nm are of its axis: m and N if that slides
     sentence: ClassVar[str] = ""  # format string: {joint} and the parameters' names
     plain: ClassVar[str] = ""  # a noun phrase that a technician uses, without the axis; empty: the name

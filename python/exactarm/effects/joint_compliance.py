@@ -39,6 +39,7 @@ class JointCompliance(Effect):
 
     name = "joint_compliance"
     plain = "a joint that gives way under load"
+    told_by = "linear_rad_per_Nm"
     in_axis_units = True
     station = Station.SPRING
     kinds = (POSES.name, MOTION.name, TRACKED_MOTION.name)

@@ -38,7 +38,7 @@ from exactarm.identify.pose_fit import PoseFit, fit_poses
 from exactarm.identify.repeats import worth_of_rows
 from exactarm.identify.session_payloads import EstimatedPayload, payload_layout, session_payloads
 from exactarm.identify.statistics import ErrorSummary, summarise
-from exactarm.identify.wild_rows import wild_rows, wild_rows_line
+from exactarm.identify.wild_rows import wild_elsewhere_line, wild_rows, wild_rows_line
 from exactarm.measurement.session_payload import SessionPayload
 from exactarm.numerics.factors import lstsq, svd
 from exactarm.numerics.regression import Fit
@@ -154,7 +154,10 @@ def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = Calibra
     error_after = np.linalg.norm(residual, axis=1)
     parts = {"identification": identification, "validation": ~identification}
     apart = wild_rows(error_after)
-    wild = (wild_rows_line(error_after, apart),) if options.robust and apart.any() else ()
+    rows = np.flatnonzero(~identification)
+    line = (wild_rows_line(error_after, apart) if options.robust and apart.any() else
+            wild_elsewhere_line(error_after[rows], lambda row: data.place_of(rows[row])))
+    wild = (line,) if line else ()
     new = kept_masses(calibrated_robot(robot, train, fit.layout, fit.fit), declared)
     return Calibration(robot=new,
                        fit=fit, data=data, identification=identification, error_before=error_before,

@@ -4,7 +4,7 @@ A row is wild when its error is more than 8 times the median of all. A few of th
 of 105 rows that were 5 to 50 mm off made a six-axis arm miss by 0.68 mm, and by 0.05 mm under Huber's loss.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -13,6 +13,7 @@ import numpy as np
 WILD = 8.0
 _MOST_TOGETHER = 3  # samples: a beam that was broken and is back; a swing of the arm has some ten
 _MOST_SINGLE = 0.02  # of the rows
+_NAMED = 3  # rows in a line
 
 
 def wild_rows(error: np.ndarray) -> np.ndarray:
@@ -36,6 +37,21 @@ def wild_rows_line(error: np.ndarray, wild: np.ndarray) -> str:
     those = f"{wild.sum()} of {wild.size} rows miss" if wild.sum() > 1 else f"1 of {wild.size} rows misses"
     return (f"{those} by more than {WILD:g} times the median, by up to {1e3 * error[wild].max():.3g} mm: "
             "all were fitted with Huber's loss, which gives such rows less weight")
+
+
+def wild_elsewhere_line(error: np.ndarray, place_of: Callable[[int], str]) -> str | None:
+    """What a result says of wild rows among errors (N,) in m of rows that were not fitted, which no fit sets
+    apart; NaN: left out. place_of: row to words."""
+    known = np.flatnonzero(np.isfinite(error))
+    wild = wild_rows(error[known])
+    if not wild.any():
+        return None
+    worst, others = known[wild][np.argsort(-error[known[wild]])], error[known[~wild]]
+    places = ", ".join([place_of(int(row)) for row in worst[:_NAMED]] + ["..."] * int(wild.sum() > _NAMED))
+    miss, what = ("miss by up to", "wrong readings") if wild.sum() > 1 else ("misses by", "a wrong reading")
+    return (f"{places} {miss} {1e3 * error[worst[0]]:.3g} mm, more than {WILD:g} times the median of the "
+            f"{known.size} rows that were not fitted; the others miss by "
+            f"{1e3 * np.sqrt(np.mean(others**2)):.3g} mm (RMS): {what}?")
 
 
 def left_out_line(error: np.ndarray, wild: np.ndarray) -> str:
