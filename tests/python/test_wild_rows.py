@@ -51,6 +51,7 @@ def test_a_wild_row_that_was_not_fitted_is_named_with_what_the_others_miss_by():
     assert several.startswith("row 8, row 9, row 10, ... miss by up to 20 mm")
     assert wild_elsewhere_line(error[:3], "row {}".format) is None
     assert wild_elsewhere_line(np.zeros(0), "row {}".format) is None
+    assert wild_elsewhere_line(1e-7 * error, "row {}".format) is None  # exact data
 
 
 @pytest.mark.slow

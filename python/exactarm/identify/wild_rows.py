@@ -14,6 +14,7 @@ WILD = 8.0
 _MOST_TOGETHER = 3  # samples: a beam that was broken and is back; a swing of the arm has some ten
 _MOST_SINGLE = 0.02  # of the rows
 _NAMED = 3  # rows in a line
+_SEEN_M = 1e-6  # below, it is the arithmetic of exact data
 
 
 def wild_rows(error: np.ndarray) -> np.ndarray:
@@ -43,7 +44,7 @@ def wild_elsewhere_line(error: np.ndarray, place_of: Callable[[int], str]) -> st
     """What a result says of wild rows among errors (N,) in m of rows that were not fitted, which no fit sets
     apart; NaN: left out. place_of: row to words."""
     known = np.flatnonzero(np.isfinite(error))
-    wild = wild_rows(error[known])
+    wild = wild_rows(error[known]) & (error[known] > _SEEN_M)
     if not wild.any():
         return None
     worst, others = known[wild][np.argsort(-error[known[wild]])], error[known[~wild]]
