@@ -64,5 +64,5 @@ def test_a_gross_validation_row_is_no_noise_and_no_lack_of_poses():
         told = [line for line in result.json["warnings"] if "misses by" in line]
         assert len(told) == 1 and told[0].startswith(wrong.place_of(row))
     text = " ".join(ea.diagnose("ur10", wrong).summary().split())
-    assert "Look at this first: " in text and "times as large as on the fitted" not in text
+    assert "Look first at what the warning names" in text and "times as large as on the fitted" not in text
     assert "are noise is what the fit says" not in text

@@ -175,7 +175,8 @@ def _next(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contributi
         lines.append(f"It also holds {in_words(titles)}, less likely than not: take its `[[effects]]` out of "
                      "`robot.toml` unless new rows speak for it.")
     if wild := wild_elsewhere(result):
-        lines.insert(0, f"Look at this first: {wild}")
+        lines.insert(0, "Look first at what the warning names: rows that were not fitted, and miss by far "
+                        "more than the others.")
     elif result.verdict == NOTHING and (worse := worse_elsewhere(result)):
         lines.append(worse)
     if result.verdict == NOTHING and not result.noise.measured and not wild:
