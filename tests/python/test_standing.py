@@ -1,5 +1,5 @@
 """Effects less likely than not leave the model, the least likely first, where held-out rows contradict them
-or an unknown function is far likelier."""
+or, where none stands, an unknown function outdoes them."""
 
 from dataclasses import replace
 from types import SimpleNamespace
