@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from exactarm.diagnose.coloured_noise import _share_of, autoregressive_share
+from exactarm.diagnose.coloured_noise import _share_of, autoregressive_share, filtered_share
 from exactarm.noise.autocorrelation import autocorrelation, lags_within, uncertainty
 
 STEP = 0.01
@@ -46,3 +46,19 @@ def test_intervals_with_a_stub_are_as_wide_as_without(remembered):
 
 def test_runs_that_are_all_short_bound_the_lags():
     assert lags_within([np.arange(8)] * 50, 1.0, STEP) == 2
+
+
+def moving_mean(width):
+    """Autocorrelation of white noise behind a mean over so many samples."""
+    return lambda lags: np.maximum(1.0 - np.arange(lags + 1) / width, 0.0)
+
+
+def test_a_filter_leaves_as_many_independent_numbers_as_it_is_wide():
+    """The variance of a sum over all rows in use says how many they are: N^2 / var(sum), sigma = 1."""
+    rng, rows, width = np.random.default_rng(3), 1000, 8
+    noise = rng.normal(size=(4000, rows + width - 1))
+    filtered = np.lib.stride_tricks.sliding_window_view(noise, width, axis=1).sum(axis=2) / np.sqrt(width)
+    for used in (np.ones(rows, bool), rng.random(rows) < 0.3, np.arange(rows) % 50 < 10):
+        measured = used.sum() / np.var(filtered[:, used].sum(axis=1))
+        share = filtered_share(moving_mean(width), used, [np.arange(rows)], STEP)
+        assert share == pytest.approx(measured, rel=0.06)  # 4,000 sums tell a variance to 2.2 %

@@ -5,13 +5,15 @@ the noise (Bartlett's taper). Noise is what the surest candidates of the library
 itself still has the causes in it that are searched for, and they would pass for correlation. Many fitted
 columns take the slow part of the noise with them, and the sum over long lags then says that there is none:
 where a record is short for its noise (`short`), an autoregression over the first few lags (Yule and Walker),
-which are hardly touched by that, has a say too, and the smaller share counts. Where the noise drifts
-(`drifts`), the drift is filtered out first (noise/drifting.py), and the rest is counted.
+which are hardly touched by that, has a say too, and the smaller share counts. Behind a low-pass of our own
+(`filtered`) there are at most as many as it leaves of white noise on the rows in use, whatever the columns
+took. Where the noise drifts (`drifts`), the drift is filtered out first (noise/drifting.py), and the rest is
+counted.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -49,10 +51,12 @@ class NoiseMemory:
 
 
 class ColouredNoise:
-    """Estimates how much the noise of a problem remembers."""
+    """Estimates how much the noise of a problem remembers; filtered(lags): autocorrelation (lags + 1,) of
+    white noise behind the low-pass that the rows have passed, None where they have passed none."""
 
-    def __init__(self, problem: Problem, short: bool = False):
-        self._problem, self._short = problem, short
+    def __init__(self, problem: Problem, short: bool = False,
+                 filtered: Callable[[int], np.ndarray] | None = None):
+        self._problem, self._short, self._filtered = problem, short, filtered
 
     def drift_of(self, fitted: Fitted, runs: Sequence[np.ndarray], step: float) -> DriftingNoise | None:
         """From a fit whose residual has passed no filter."""
@@ -62,7 +66,7 @@ class ColouredNoise:
            drift: DriftingNoise | None = None) -> NoiseMemory:
         """From a fit (behind the filter of `drift`); `runs`: its rows in the order of time, `step` apart in
         s."""
-        share = self._share_of(self._unexplained(fitted, runs, step), runs, step)
+        share = self._share_of(self._unexplained(fitted, runs, step), fitted.weight, runs, step)
         return NoiseMemory(float(np.sum(fitted.residual**2)), share, drift)
 
     def renewed(self, known: NoiseMemory, fitted: Fitted, runs: Sequence[np.ndarray],
@@ -72,10 +76,13 @@ class ColouredNoise:
 
     def share_of(self, fitted: Fitted, runs: Sequence[np.ndarray], step: float) -> float:
         """Of a fit whose residual has passed no filter, as it stands."""
-        return self._share_of(fitted.residual, runs, step)
+        return self._share_of(fitted.residual, fitted.weight, runs, step)
 
-    def _share_of(self, noise: np.ndarray, runs: Sequence[np.ndarray], step: float) -> float:
+    def _share_of(self, noise: np.ndarray, weight: np.ndarray, runs: Sequence[np.ndarray],
+                  step: float) -> float:
         share = _share_of(noise, runs, step)
+        if self._filtered is not None:
+            share = min(share, filtered_share(self._filtered, weight > 0.0, runs, step))
         return min(share, autoregressive_share(noise, runs, step)) if self._short else share
 
     def _unexplained(self, fitted: Fitted, runs: Sequence[np.ndarray], step: float) -> np.ndarray:
@@ -94,8 +101,8 @@ class ColouredNoise:
         def tried(group: tuple[Candidate, ...]) -> tuple[float, np.ndarray, np.ndarray]:
             added = added_to(basis, np.concatenate([columns[c.label] for c in group], axis=1))
             left = residual - added @ (added.T @ residual)
-            count = max(self._share_of(left[:numbers].reshape(shape), runs,
-                                       step) * (numbers - basis.shape[1]), 1.0)
+            share = self._share_of(left[:numbers].reshape(shape), fitted.weight, runs, step)
+            count = max(share * (numbers - basis.shape[1]), 1.0)
             square, price = float(residual @ residual), np.prod(
                 [float(c.tried * len(candidates)) for c in group])
             return log_evidence(square, square - float(left @ left), count, sum(c.free for c in group),
@@ -119,6 +126,15 @@ def _share_of(noise: np.ndarray, runs: Sequence[np.ndarray], step: float) -> flo
     taper = 1.0 - np.arange(1, lags + 1) / (lags + 1)
     sums = [autocorrelation(noise[:, a], runs, lags)[1:] @ taper for a in range(noise.shape[1])]
     return float(np.mean([1.0 / max(1.0 + 2.0 * total, 1.0) for total in sums]))
+
+
+def filtered_share(filtered: Callable[[int], np.ndarray], used: np.ndarray, runs: Sequence[np.ndarray],
+                   step: float) -> float:
+    """Independent numbers per number of filtered white noise on the rows in use (N,) bool: two of them count
+    together where both are, which fewer are the more gaps there are."""
+    lags = lags_within(runs, NOISE_LAG_S, step)
+    both = autocorrelation(used.astype(float), runs, lags)[1:]
+    return float(1.0 / max(1.0 + 2.0 * (filtered(lags)[1:] @ both), 1.0))
 
 
 def autoregressive_share(noise: np.ndarray, runs: Sequence[np.ndarray], step: float) -> float:

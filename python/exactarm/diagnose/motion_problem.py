@@ -26,6 +26,7 @@ from exactarm.chain.motion_record import BANDWIDTH_HZ, measured_torque
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import MOTION
 from exactarm.data.kinds.base import runs_in_time
+from exactarm.diagnose.coloured_noise import ColouredNoise
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.next_motions import separating_motion
 from exactarm.diagnose.problem_in_time import ProblemInTime
@@ -126,6 +127,7 @@ class MotionProblem(ProblemInTime):
         super().__init__(with_links(robot) if inertial else robot, data, held_out, threads, seed)
         self.inertial = inertial
         self.record = self._records["identification"]
+        self._estimator = ColouredNoise(self, filtered=self.record.noise_autocorrelation)
         self._fits: dict[tuple, MotionFit] = {}  # shared with the problems that come of this one
 
     def _new_record(self, data: Dataset) -> MotionRecord:

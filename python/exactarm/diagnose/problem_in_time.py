@@ -34,6 +34,8 @@ from exactarm.numerics.regression import gram_inverse
 from exactarm.robot.robot import Robot
 from exactarm.view import View
 
+_SPREAD_ROWS = 300  # a mean over them: more tell the same
+
 
 class ProblemInTime(Problem):
     """record: of the identification rows, as they are fitted."""
@@ -103,6 +105,14 @@ class ProblemInTime(Problem):
     def run(self) -> np.ndarray:
         """(N,) of the rows as they are fitted."""
         return self.record.data.run
+
+    def spread(self, fitted: Fitted) -> float:
+        picture = self.held_out_picture(fitted) if len(self.held_out) else None
+        if picture is None:
+            return 0.0
+        jacobian = picture[1][:: max(1, len(picture[1]) // _SPREAD_ROWS)]
+        variance = np.einsum("nap,pq,naq->na", jacobian, fitted.fit.covariance, jacobian)
+        return self.numbers_of_error * float(np.mean(variance))
 
     def groups(self) -> np.ndarray:
         return run_groups(self.run)

@@ -52,7 +52,6 @@ _SAME_PATH_RAD = 1e-3
 _LEAST_REPEATED = 100  # samples
 _LEAST_SIGMA = 1e-12
 _LEAST_SEEN = 1e-7  # m: a tracker resolves no less; below, it is the arithmetic of exact data
-_SPREAD_ROWS = 300
 # s: memory of a filtered reading, and of what moves with the arm as it goes by
 _REMEMBERED_S, _WANDERS_S = 0.25, 2.0
 
@@ -183,14 +182,6 @@ class TrackedProblem(ProblemInTime):
         run = self.record.data.run
         # a part of one run says little about the angles of the rest
         return run if np.unique(run).size > 1 else None
-
-    def spread(self, fitted: Fitted) -> float:
-        if "validation" not in self._records:
-            return 0.0
-        record = self._records["validation"]
-        jacobian = predict_record(self.robot, fitted.layout, record, threads=self.threads).jacobian
-        jacobian = jacobian[:: max(1, len(jacobian) // _SPREAD_ROWS), :3]
-        return float(np.mean(np.einsum("nap,pq,naq->n", jacobian, fitted.fit.covariance, jacobian)))
 
     def signals(self, fitted: Fitted) -> dict[Signal, np.ndarray]:
         view = fitted.view
