@@ -1,8 +1,9 @@
 """The rounding of reported angles: a noise that repeated visits do not show, because they are rounded alike.
 
-A column is quantised when all differences of its values have a common divisor that is more than a digit's
-rounding. Rounding to a step s has the standard deviation s / sqrt(12) (uniform within half a step); through
-the arm's Jacobian it moves the measurement.
+A column is quantised when all differences of neighbouring values have a common divisor (Euclid), but for the
+digits that they were written with, which are a grid of their own and mostly a finer one. Rounding to a step s
+has the standard deviation s / sqrt(12) (uniform within half a step); through the arm's Jacobian it moves the
+measurement.
 """
 
 from __future__ import annotations
@@ -15,10 +16,16 @@ from exactarm.robot.robot import Robot
 from exactarm.view import View
 
 _LEAST_VALUES = 8  # distinct ones: fewer may lie on a grid by choice (commanded steps), which is no rounding
-_EXACT = 1e-9  # rad: below it a remainder is nothing
+_ENOUGH_VALUES = 500  # neighbours, to tell a grid by
+_EXACT = 1e-9  # rad: a difference below it is nothing
+_ARITHMETIC = 1e-13  # rad: what double precision leaves of one
+_TOLD = 0.2  # of a grid: what is not known to so much of it is told from no grid by chance
+_MOST_DECIMALS = 11
 _LEAST_STEP = 1e-7  # rad: a finer step moves no arm by a micrometre
 _LEAST_MOVED_M = 1e-6  # RMS over the poses: below it no tracker sees the rounding
-_LARGEST_STEP_RAD = 2e-3  # a grid coarser than any encoder is a choice of poses
+# a grid coarser than an encoder's of ten bits is a choice of poses; finer ones may be, too, as the likelihood
+# tells (noise/estimate.py)
+_LARGEST_STEP_RAD = 2.0 * np.pi / 1024.0
 
 
 def step_of(values: np.ndarray) -> float:
@@ -26,15 +33,51 @@ def step_of(values: np.ndarray) -> float:
     distinct = np.unique(values[np.isfinite(values)])
     if len(distinct) < _LEAST_VALUES:
         return 0.0
-    step = 0.0
-    # greatest common divisor, by Euclid; the whole range keeps it exact
-    for place in distinct[1:] - distinct[0]:
-        larger, smaller = max(step, place), min(step, place)
-        while smaller > _EXACT:
-            larger, smaller = smaller, float(np.remainder(larger, smaller))
-            smaller = min(smaller, larger - smaller)  # the remainder may lie just below a whole step
-        step = place / max(round(place / larger), 1)
-    return step if step > _LEAST_STEP else 0.0
+    middle = max(len(distinct) - _ENOUGH_VALUES, 0) // 2
+    steps = np.sort(np.diff(distinct[middle : middle + _ENOUGH_VALUES]))
+    steps, digit = steps[steps > _EXACT].tolist(), _digit(distinct)
+    if len(steps) + 1 < _LEAST_VALUES:
+        return 0.0
+    exact = _grid(steps, _ARITHMETIC)  # the digits themselves, or a grid of few digits
+    return exact if exact > 1.5 * digit else _grid(steps, max(digit, _ARITHMETIC)) or exact
+
+
+def _grid(steps: list[float], digit: float) -> float:
+    """Of ascending steps that are wrong by up to a digit; 0 where there is none that can be told."""
+    grid, wrong = steps[0], digit
+    while grid > max(_LEAST_STEP, digit / _TOLD):
+        grid, wrong, rest = _agreed(steps, grid, wrong, digit)
+        if rest == 0.0:
+            return grid
+        grid = rest
+    return 0.0
+
+
+def _digit(values: np.ndarray) -> float:
+    """Last digit (in the unit of the values) that angles were written with, in radians or degrees; 0 where
+    they were not."""
+    for decimals in range(_MOST_DECIMALS):
+        for unit in (1.0, np.pi / 180.0):
+            written = values / unit
+            if np.all(np.abs(written - np.round(written, decimals)) < _EXACT * 10.0**-decimals):
+                return unit * 10.0**-decimals
+    return 0.0
+
+
+def _agreed(steps: list[float], grid: float, wrong: float, digit: float) -> tuple[float, float, float]:
+    """The grid that ascending steps agree on, begun with a guess of it that is `wrong` by so much, and 0; or
+    what the first step that disagrees leaves of a multiple, and by how much that is wrong. Each step is wrong
+    by a digit, and a multiple of the grid by what all steps before it leave unknown."""
+    onto = square = 0.0
+    for step in steps:
+        count = round(step / grid)
+        rest, allowed = abs(step - count * grid), digit + count * wrong
+        if allowed > _TOLD * grid or rest > allowed:
+            return grid, allowed, max(rest, _ARITHMETIC)
+        onto, square = onto + count * step, square + count * count
+        if square:
+            grid, wrong = onto / square, digit / np.sqrt(square)
+    return grid, wrong, 0.0
 
 
 def rounding_of_angles(data: Dataset, robot: Robot, view: View, size: int) -> np.ndarray | None:
