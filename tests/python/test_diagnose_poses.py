@@ -228,6 +228,23 @@ def run(command, robot, data, out):
 
 
 @pytest.mark.slow
+def test_each_effect_says_what_it_takes_away_by_itself():
+    """Not what all of its step take away together: the model without it, the others fitted anew."""
+    made = ea.simulate("ur10", count=120, seed=4, effects=[
+        "gear_eccentricity joint=2 first_cos_rad=4e-4 first_sin_rad=3e-4",
+        "gear_eccentricity joint=4 first_cos_rad=1e-4 first_sin_rad=-3e-4"])
+    result = diagnose(load_robot("ur10"), made.data)
+    assert sorted(f.effect.joint for f in result.findings) == [2, 4]
+    problem, last = result.problem, result.selection.fits[-1]
+    for finding in result.findings:
+        index = last.layout.effects.index(finding.effect)
+        without = problem.fit(last.layout.only(k for k in range(len(last.layout.effects)) if k != index))
+        left = problem.errors(without, problem.held_out)
+        assert finding.rms_before == pytest.approx(np.sqrt(np.nanmean(left**2)), rel=0.05)
+        assert finding.rms_after == result.after["validation"].rms
+
+
+@pytest.mark.slow
 def test_result_has_the_agreed_keys(command):
     result = json.loads((command / "diagnosed" / "result.json").read_text())
     common = {"exactarm", "command", "robot", "inputs", "seed", "seconds"}
@@ -243,6 +260,7 @@ def test_result_has_the_agreed_keys(command):
                            "probability",
                            "evidence", "compensable", "set", "own_share", "at_tool_um"}
     assert 0.0 < effect["own_share"] < 1.0 and effect["at_tool_um"] > 0.0
+    assert effect["validation_rms_after"] == result["after"]["validation"]["rms"]
     assert (
         effect["set"][0]["effect"] == effect["effect"]
         and effect["set"][0]["probability"] == effect["probability"]

@@ -343,13 +343,16 @@ def _finding(accepted: Accepted, last, declared, place, errors, problem, own_sha
         half = float(last.fit.half_width(sigma))
         derived[name] = (value, value - half, value + half)
     caveat = effect.caveat(covariance)
-    before, after = errors[accepted.round], errors[accepted.round + 1]
-    judged = "validation" if before["validation"].size else "identification"
+    before, after = (rms_of(_judged(errors[k])) for k in (accepted.round, accepted.round + 1))
+    if own_share is not None and own_share < 1.0:  # with all others in the model, whose round it shares
+        after = rms_of(_judged(errors[-1]))
+        before = after / np.sqrt(1.0 - own_share)
+    judged = "validation" if errors[0]["validation"].size else "identification"
     evidence = (f"log evidence {accepted.evidence:.0f} over a model without it, "
                 if np.isfinite(accepted.evidence) else "")  # of rows that are wrong: a share, no odds
-    fall = f"{judged} RMS {rms_of(_judged(before)):.3g} to {rms_of(_judged(after)):.3g} {problem.unit}"
+    fall = f"{judged} RMS {before:.3g} to {after:.3g} {problem.unit}"
     return Finding(
-        effect, intervals, rms_of(_judged(before)), rms_of(_judged(after)), probability,
+        effect, intervals, before, after, probability,
         f"{effect.describe_on(problem.robot)}; " + evidence + fall
         + (f"; {caveat}" if caveat else "")
         + (f"; likelier: {accepted.likelier}" if accepted.likelier else ""),

@@ -315,7 +315,8 @@ class Picture:
                 index = indices[place]
                 sided[:, index] = self._one_sided(index, h[place], y[place], left - gains[:, index])
             unseen[indices] = np.einsum("gii->g", h) < INVISIBLE**2
-        ratio = np.log(np.maximum(1.0 - gains / max(left, 1e-300), 1e-12))
+        most = max(left, 1e-300)  # of exact data nothing is left
+        ratio = np.log(np.maximum(1.0 - np.minimum(gains, most) / most, 1e-12))
         log_bf = sided - price - 0.5 * self.count * ratio + np.log(SCALE_WEIGHTS)[:, None]
         best = np.argmax(log_bf, axis=0)
         weight = special.logsumexp(log_bf, axis=0) + self.log_prior

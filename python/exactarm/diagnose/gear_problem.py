@@ -267,7 +267,11 @@ class GearProblem(ProblemInTime):
 
     @property
     def least_share(self) -> float:
-        return Problem.least_share if self._noise.drift is None else _LEAST_SHARE_OF_WHITE
+        """Of a gyroscope's components one shows what an axis does, and the noise of the others is none of
+        it."""
+        if self._noise.drift is not None:
+            return _LEAST_SHARE_OF_WHITE
+        return Problem.least_share / (1 if self.record.encoder_axes else 3)
 
     def judged_share(self, fitted: Fitted, effect: Effect) -> float:
         """Of the encoder for which that is most, beside everything that is free."""
@@ -329,8 +333,7 @@ class GearProblem(ProblemInTime):
         return max(fitted.noise.share * max(memory(along - basis @ (basis.T @ along)), others), 1.0)
 
     def error_of_unit_noise(self, fitted: Fitted) -> float:
-        errors = self.errors(fitted, self.data)
-        return float(np.sqrt(np.nanmean(errors**2)))
+        return float(np.sqrt(np.nanmean(self.errors(fitted, self.data) ** 2)))
 
     def repeat_noise(self, fitted: Fitted) -> float | None:
         """The smooth part of the unfiltered residual's spectrum; None where the rows lie in short pieces."""
