@@ -46,6 +46,9 @@ def test_a_wild_row_that_was_not_fitted_is_named_with_what_the_others_miss_by():
     assert wild_elsewhere_line(error, "row {}".format) == (
         "row 7 misses by 10 mm, more than 8 times the median of the 23 rows that were not fitted; the others "
         "miss by 0.05 mm (RMS): a wrong reading?")
+    # to what the fit knows of these rows
+    assert "row 7" in wild_elsewhere_line(error, "row {}".format, np.full(error.size, 1e-3))
+    assert wild_elsewhere_line(error, "row {}".format, np.full(error.size, 2e-3)) is None
     error[8:12] = 2e-2
     several = wild_elsewhere_line(error, "row {}".format)
     assert several.startswith("row 8, row 9, row 10, ... miss by up to 20 mm")

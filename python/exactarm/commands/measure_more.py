@@ -6,6 +6,7 @@ temperature and place are visited again. Words alone: the experiment is the usua
 (which poses part two named causes: `diagnose/next_*.py`).
 """
 
+import numpy as np
 from scipy import special
 
 from exactarm.data.kinds import kind_of
@@ -110,7 +111,8 @@ def wild_elsewhere(result: Diagnosis) -> str | None:
     """One line, where single poses that were not fitted miss by far more than the others."""
     if not kind_of(result.kind).at_rest or result.unit != "m":
         return None
-    return wild_elsewhere_line(result.errors_after["validation"], result.problem.held_out.place_of)
+    spread = np.sqrt(result.problem.spread_by_row(result.selection.fits[-1]))
+    return wild_elsewhere_line(result.errors_after["validation"], result.problem.held_out.place_of, spread)
 
 
 def worse_elsewhere(result: Diagnosis) -> str | None:

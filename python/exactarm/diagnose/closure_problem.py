@@ -255,18 +255,20 @@ class ClosureProblem(ProblemAtRest):
         return float(np.sqrt(np.mean(square[rows])))
 
     def spread(self, fitted: Fitted) -> float:
-        """Contacts of the validation rows alone are fitted to them and add nothing."""
         judged = np.isfinite(self.errors(fitted, self.held_out)) if len(self.held_out) else np.zeros(0, bool)
-        if not judged.any():
-            return 0.0
-        rows = self.held_out.select(judged)
-        prediction = predict_closures(self.robot, fitted.layout, rows, threads=self.threads)
+        return float(np.mean(self.spread_by_row(fitted)[judged])) if judged.any() else 0.0
+
+    def spread_by_row(self, fitted: Fitted) -> np.ndarray:
+        """Contacts of the validation rows alone are fitted to them and add nothing."""
+        if not len(self.held_out):
+            return np.zeros(0)
+        prediction = predict_closures(self.robot, fitted.layout, self.held_out, threads=self.threads)
         jacobian = prediction.jacobian[:, :3] * prediction.pictures.depth[:, None, None]
         known = {(e.contact, e.session, e.number) for e in fitted.layout.effects if isinstance(e, Contact)}
-        for key, at in touched_contacts(rows):
+        for key, at in touched_contacts(self.held_out):
             if key not in known and key[0] != PAIR:
                 jacobian[at] = 0.0
-        return float(np.mean(np.einsum("nap,pq,naq->n", jacobian, fitted.fit.covariance, jacobian)))
+        return np.einsum("nap,pq,naq->n", jacobian, fitted.fit.covariance, jacobian)
 
     def repeat_noise(self, fitted: Fitted) -> float | None:
         used = (fitted.weight > SLIPPED) & fitted.prediction.used[:, :3].all(axis=1)

@@ -267,11 +267,7 @@ class GearProblem(ProblemInTime):
 
     @property
     def least_share(self) -> float:
-        """Of a gyroscope's components one shows what an axis does, and the noise of the others is none of
-        it."""
-        if self._noise.drift is not None:
-            return _LEAST_SHARE_OF_WHITE
-        return Problem.least_share / (1 if self.record.encoder_axes else 3)
+        return Problem.least_share if self._noise.drift is None else _LEAST_SHARE_OF_WHITE
 
     def judged_share(self, fitted: Fitted, effect: Effect) -> float:
         """Of the encoder for which that is most, beside everything that is free."""

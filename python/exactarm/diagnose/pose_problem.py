@@ -107,6 +107,13 @@ class PoseProblem(ProblemAtRest):
         kept = rows_kept(fitted.layout, prediction.view)
         return residual[kept], prediction.jacobian[kept, : residual.shape[1]]
 
+    def spread_by_row(self, fitted: Fitted) -> np.ndarray:
+        if not len(self.held_out):
+            return np.zeros(0)
+        prediction = predict_poses(self.robot, fitted.layout, self.held_out, threads=self.threads)
+        jacobian = prediction.jacobian[:, :3]
+        return np.einsum("nap,pq,naq->n", jacobian, fitted.fit.covariance, jacobian)
+
     def signals(self, fitted: Fitted) -> dict[Signal, np.ndarray]:
         position = fitted.view.signals["target"]
         return super().signals(fitted) | {

@@ -277,6 +277,10 @@ class Problem(ABC):
         explains."""
         return 0.0
 
+    def spread_by_row(self, fitted: Fitted) -> np.ndarray:
+        """(N',) the same of every validation row, 0 where nothing is known of it."""
+        return np.zeros(len(self.held_out))
+
     @property
     def judged(self) -> Dataset:
         """The validation rows; all others where there are none."""

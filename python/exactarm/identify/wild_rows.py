@@ -40,11 +40,14 @@ def wild_rows_line(error: np.ndarray, wild: np.ndarray) -> str:
             "all were fitted with Huber's loss, which gives such rows less weight")
 
 
-def wild_elsewhere_line(error: np.ndarray, place_of: Callable[[int], str]) -> str | None:
+def wild_elsewhere_line(error: np.ndarray, place_of: Callable[[int], str],
+                        spread: np.ndarray | float = 0.0) -> str | None:
     """What a result says of wild rows among errors (N,) in m of rows that were not fitted, which no fit sets
-    apart; NaN: left out. place_of: row to words."""
+    apart; NaN: left out. place_of: row to words; spread (N,): of each error, m, by what the fit does not
+    know: a right row far from those that were fitted may err more than they."""
     known = np.flatnonzero(np.isfinite(error))
     wild = wild_rows(error[known]) & (error[known] > _SEEN_M)
+    wild &= error[known] > WILD * np.broadcast_to(spread, error.shape)[known]
     if not wild.any():
         return None
     worst, others = known[wild][np.argsort(-error[known[wild]])], error[known[~wild]]
