@@ -64,9 +64,9 @@ def test_clean_torque_has_no_undeclared_effect(racer):
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(1, 6))
 def test_three_seconds_of_a_clean_motion_are_no_cause(seed):
-    """All five were called unexplained: what the columns of a fit and of the strongest candidates leave of so
-    few rows seemed white, 0.81 independent numbers a row behind a low-pass that leaves 0.15; and nothing told
-    how far friction of two seconds errs in the third."""
+    """The first five seeds, as docs/method.md has them. All were unexplained: what the columns of a fit and
+    of the strongest candidates leave of so few rows seemed white, 0.81 independent numbers a row behind
+    a low-pass that leaves 0.15 (seed 1), and nothing told how far friction of two seconds errs later."""
     data = simulate("racer-7-1.4", measure="motion", runs=1, seconds=3.0, seed=seed).data
     result = diagnose(load_robot("racer-7-1.4"), data)
     assert result.verdict == NOTHING and not result.findings

@@ -44,7 +44,7 @@ def picture(model):
         layout=Plain(effects=("small", "curve"), slices=(slice(0, 1), slice(1, size + 1)), size=size + 1,
                      values=values, parameters=[Plain(search=False)] * (size + 1)))
     problem = Plain(held_out_picture=lambda fitted: (left[:, None], design[judged, None, :]), held_out=left,
-                    correlation_factor=lambda fitted: 0.5)
+                    correlation_factor=lambda fitted: 0.5, numbers_of_error=1)
     return problem, fitted, left
 
 
@@ -60,6 +60,27 @@ def test_the_share_is_that_of_a_fit_without_the_effect():
     gain = 0.5 * (log_density(np.abs(left), 1, freedom) - log_density(np.abs(left_without), 1, freedom))
     assert small.gain == pytest.approx(gain, rel=1e-4) and gain > 1.0
     assert 0.0 < expected < 0.9
+    assert small.without == pytest.approx((1.0 - expected) ** -0.5, rel=1e-6)
+
+
+def test_the_error_without_an_effect_is_in_its_own_unit():
+    """An effect on an axis of little noise beside one of a hundred times as much: it takes most of the square
+    sum in units of the noise, and next to nothing of an error in Nm."""
+    scale, design = np.array([1.0, 100.0]), RNG.normal(size=(200, 2, 1)) * [[[1.0], [0.0]]]
+    measured = 3.0 * design[:, :, 0] + scale * RNG.normal(size=(200, 2))
+    value = float(np.sum(design[:100, :, 0] * measured[:100]) / np.sum(design[:100] ** 2))
+    left = measured - value * design[:, :, 0]
+    whole = (design[:100] / scale[:, None]).reshape(200, 1)
+    fitted = Plain(sigma=scale, design=whole, data_numbers=200, residual=left[:100], weight=np.ones(100),
+                   fit=Plain(covariance=np.linalg.inv(whole.T @ whole)),
+                   layout=Plain(effects=("small",), slices=(slice(0, 1),), size=1, values=np.array([value]),
+                                parameters=[Plain(search=False)]))
+    problem = Plain(held_out_picture=lambda fitted: (left[100:], design[100:]), held_out=left[100:],
+                    correlation_factor=lambda fitted: 1.0, numbers_of_error=1)
+    (small,) = own_shares(problem, fitted, 0)
+    without = np.sqrt(np.mean(measured[100:] ** 2) / np.mean(left[100:] ** 2))
+    assert small.without == pytest.approx(without, rel=1e-9)
+    assert small.share > 0.7 and small.without < 1.01
 
 
 @pytest.mark.parametrize("elsewhere, shown", [(1.0, 1.0), (0.0, 0.0), (0.5, 0.5)])

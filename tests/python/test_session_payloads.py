@@ -93,7 +93,7 @@ def test_a_payload_of_a_rigid_arm_is_dropped_with_the_reason(tmp_path):
 
 
 def test_a_mass_that_poses_cannot_tell_is_said():
-    rows = ea.simulate("ur10", count=60, deviation=1.0, noise=NOISE_M, seed=1).data
+    rows = ea.simulate("ur10", count=60, deviation=1.0, noise=NOISE_M, seed=1).data  # the default, said
     found = ea.calibrate("ur10", rows, sessions={"session": [1], "payload_kg": [np.nan]}, threads=1)
     assert any("session 1: its payload stays unknown" in line for line in found.warnings)
     mass = next(entry for entry in found.json["dropped"] if entry["parameter"].endswith("mass_kg"))

@@ -268,7 +268,7 @@ class ClosureProblem(ProblemAtRest):
         for key, at in touched_contacts(self.held_out):
             if key not in known and key[0] != PAIR:
                 jacobian[at] = 0.0
-        return np.einsum("nap,pq,naq->n", jacobian, fitted.fit.covariance, jacobian)
+        return fitted.variance_of(jacobian).sum(axis=1)
 
     def repeat_noise(self, fitted: Fitted) -> float | None:
         used = (fitted.weight > SLIPPED) & fitted.prediction.used[:, :3].all(axis=1)

@@ -25,6 +25,7 @@ from exactarm.diagnose.joint_fit import known_beside, refit
 from exactarm.diagnose.left_over import LeftOver, left_over
 from exactarm.diagnose.noise import NoiseFloor, noise_floor
 from exactarm.diagnose.not_noise import not_noise
+from exactarm.diagnose.own_share import Own
 from exactarm.diagnose.posterior import Causes, find_causes, selection_of, steps_win
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.problems import problem_for
@@ -187,7 +188,7 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     before, after, tried = ({name: summarise(values[np.isfinite(values)]) for name, values in each.items()}
                             for each in (errors[0], errors[-1], asked.errors[-1]))
     findings = tuple(_finding(accepted, last, declared, place, errors, problem,
-                              own[place].share if own else None, judged.sure[place])
+                              own[place] if own else None, judged.sure[place])
                      for place, accepted in enumerate(selection.accepted))
     alternatives = _alternatives(problem, declared, selection)
     progress(NEXT)
@@ -324,7 +325,7 @@ def _judged(errors: dict[str, np.ndarray]) -> np.ndarray:
     return values[np.isfinite(values)]
 
 
-def _finding(accepted: Accepted, last, declared, place, errors, problem, own_share,
+def _finding(accepted: Accepted, last, declared, place, errors, problem, own: Own | None,
              probability: float) -> Finding:
     index = len(declared.effects) + place
     effect, where, free = last.layout.effects[index], last.layout.slices[index], last.layout.free[index]
@@ -344,9 +345,9 @@ def _finding(accepted: Accepted, last, declared, place, errors, problem, own_sha
         derived[name] = (value, value - half, value + half)
     caveat = effect.caveat(covariance)
     before, after = (rms_of(_judged(errors[k])) for k in (accepted.round, accepted.round + 1))
-    if own_share is not None and own_share < 1.0:  # with all others in the model, whose round it shares
+    if own is not None:  # with all others in the model, whose round it shares
         after = rms_of(_judged(errors[-1]))
-        before = after / np.sqrt(1.0 - own_share)
+        before = own.without * after
     judged = "validation" if errors[0]["validation"].size else "identification"
     evidence = (f"log evidence {accepted.evidence:.0f} over a model without it, "
                 if np.isfinite(accepted.evidence) else "")  # of rows that are wrong: a share, no odds
@@ -356,7 +357,7 @@ def _finding(accepted: Accepted, last, declared, place, errors, problem, own_sha
         f"{effect.describe_on(problem.robot)}; " + evidence + fall
         + (f"; {caveat}" if caveat else "")
         + (f"; likelier: {accepted.likelier}" if accepted.likelier else ""),
-        derived, accepted.credible_set, own_share, accepted.likelier, caveat)
+        derived, accepted.credible_set, own.share if own else None, accepted.likelier, caveat)
 
 
 def _alternatives(problem: Problem, declared: Layout, selection: Selection) -> tuple[Alternative, ...]:

@@ -135,6 +135,10 @@ class Fitted:
         vars(narrower)["_taken_from"] = self, ~keep
         return narrower
 
+    def variance_of(self, jacobian: np.ndarray) -> np.ndarray:
+        """(K, m) of predictions with a Jacobian (K, m, P), by what the fit leaves unknown."""
+        return np.einsum("nap,pq,naq->na", jacobian, self.fit.covariance, jacobian)
+
     @property
     def data_numbers(self) -> int:
         """N m: so many entries of `whitened` are data."""

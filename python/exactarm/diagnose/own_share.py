@@ -23,10 +23,12 @@ from exactarm.diagnose.problem import Problem
 
 @dataclass(frozen=True)
 class Own:
-    """Of one effect: share of the held-out square sum, what it gains there (nats; 0 where no row is held
-    out), how much of it is shown there, and the variance of that."""
+    """Of one effect: share of the held-out square sum, how many times larger the judged error is without it
+    (RMS, in its own unit: axes and orientations have another noise each), what it gains there (nats; 0 where
+    no row is held out), how much of it is shown there, and the variance of that."""
 
     share: float
+    without: float
     gain: float
     shown: float
     variance: float
@@ -39,7 +41,9 @@ def own_shares(problem: Problem, fitted: Fitted, first: int) -> tuple[Own, ...] 
         return None
     residual, jacobian = judged
     scale = fitted.sigma
-    numbers = residual.shape[1]
+    numbers, judged_numbers = residual.shape[1], problem.numbers_of_error
+    of_error = slice(judged_numbers if judged_numbers > 1 else None)
+    rms = lambda left: float(np.sqrt(np.mean(left[:, of_error] ** 2)))
     error = lambda left: np.linalg.norm(left / scale, axis=1)
     freedom = freedom_of(error(fitted.residual[fitted.weight > 0.0]), numbers)
     worth = problem.correlation_factor(fitted) if len(problem.held_out) else 0.0
@@ -62,7 +66,7 @@ def own_shares(problem: Problem, fitted: Fitted, first: int) -> tuple[Own, ...] 
         without = residual + jacobian @ step
         square, other = (float(np.sum(error(left) ** 2)) for left in (residual, without))
         gain = float(worth * (density(residual) - density(without)))
-        found.append(Own(1.0 - square / max(other, 1e-300), gain,
+        found.append(Own(1.0 - square / max(other, 1e-300), rms(without) / max(rms(residual), 1e-300), gain,
                          *_shown(fitted, residual, jacobian, jacobian @ step, freedom, worth)))
     return tuple(found)
 

@@ -111,8 +111,7 @@ class PoseProblem(ProblemAtRest):
         if not len(self.held_out):
             return np.zeros(0)
         prediction = predict_poses(self.robot, fitted.layout, self.held_out, threads=self.threads)
-        jacobian = prediction.jacobian[:, :3]
-        return np.einsum("nap,pq,naq->n", jacobian, fitted.fit.covariance, jacobian)
+        return fitted.variance_of(prediction.jacobian[:, :3]).sum(axis=1)
 
     def signals(self, fitted: Fitted) -> dict[Signal, np.ndarray]:
         position = fitted.view.signals["target"]

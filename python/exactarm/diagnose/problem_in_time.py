@@ -111,8 +111,7 @@ class ProblemInTime(Problem):
         if picture is None:
             return 0.0
         jacobian = picture[1][:: max(1, len(picture[1]) // _SPREAD_ROWS)]
-        variance = np.einsum("nap,pq,naq->na", jacobian, fitted.fit.covariance, jacobian)
-        return self.numbers_of_error * float(np.mean(variance))
+        return self.numbers_of_error * float(np.mean(fitted.variance_of(jacobian)))
 
     def groups(self) -> np.ndarray:
         return run_groups(self.run)

@@ -10,17 +10,17 @@ from __future__ import annotations
 
 import numpy as np
 
+from exactarm.data.copied_rows import step_of as written_in
 from exactarm.data.dataset import Dataset
 from exactarm.effects.base import Station
 from exactarm.robot.robot import Robot
 from exactarm.view import View
 
 _LEAST_VALUES = 8  # distinct ones: fewer may lie on a grid by choice (commanded steps), which is no rounding
-_ENOUGH_VALUES = 500  # neighbours, to tell a grid by
+_ENOUGH_VALUES = 500  # neighbours: each tells a grid as well as the next, and few are quick
 _EXACT = 1e-9  # rad: a difference below it is nothing
-_ARITHMETIC = 1e-13  # rad: what double precision leaves of one
+_SURE = 5.0  # standard deviations of a grid, each step's being a digit / sqrt(6)
 _TOLD = 0.2  # of a grid: what is not known to so much of it is told from no grid by chance
-_MOST_DECIMALS = 11
 _LEAST_STEP = 1e-7  # rad: a finer step moves no arm by a micrometre
 _LEAST_MOVED_M = 1e-6  # RMS over the poses: below it no tracker sees the rounding
 # a grid coarser than an encoder's of ten bits is a choice of poses; finer ones may be, too, as the likelihood
@@ -35,11 +35,14 @@ def step_of(values: np.ndarray) -> float:
         return 0.0
     middle = max(len(distinct) - _ENOUGH_VALUES, 0) // 2
     steps = np.sort(np.diff(distinct[middle : middle + _ENOUGH_VALUES]))
-    steps, digit = steps[steps > _EXACT].tolist(), _digit(distinct)
+    steps = steps[steps > _EXACT].tolist()
     if len(steps) + 1 < _LEAST_VALUES:
         return 0.0
-    exact = _grid(steps, _ARITHMETIC)  # the digits themselves, or a grid of few digits
-    return exact if exact > 1.5 * digit else _grid(steps, max(digit, _ARITHMETIC)) or exact
+    digit = max(unit * written_in(distinct / unit) for unit in (1.0, np.pi / 180.0))
+    arithmetic = 8.0 * np.finfo(float).eps * float(np.max(np.abs(distinct)))
+    exact = _grid(steps, arithmetic)  # the digits themselves, or a grid of few digits
+    found = exact if exact > 1.5 * digit else _grid(steps, digit) or digit
+    return found if found > _LEAST_STEP else 0.0
 
 
 def _grid(steps: list[float], digit: float) -> float:
@@ -53,17 +56,6 @@ def _grid(steps: list[float], digit: float) -> float:
     return 0.0
 
 
-def _digit(values: np.ndarray) -> float:
-    """Last digit (in the unit of the values) that angles were written with, in radians or degrees; 0 where
-    they were not."""
-    for decimals in range(_MOST_DECIMALS):
-        for unit in (1.0, np.pi / 180.0):
-            written = values / unit
-            if np.all(np.abs(written - np.round(written, decimals)) < _EXACT * 10.0**-decimals):
-                return unit * 10.0**-decimals
-    return 0.0
-
-
 def _agreed(steps: list[float], grid: float, wrong: float, digit: float) -> tuple[float, float, float]:
     """The grid that ascending steps agree on, begun with a guess of it that is `wrong` by so much, and 0; or
     what the first step that disagrees leaves of a multiple, and by how much that is wrong. Each step is wrong
@@ -73,10 +65,10 @@ def _agreed(steps: list[float], grid: float, wrong: float, digit: float) -> tupl
         count = round(step / grid)
         rest, allowed = abs(step - count * grid), digit + count * wrong
         if allowed > _TOLD * grid or rest > allowed:
-            return grid, allowed, max(rest, _ARITHMETIC)
+            return grid, allowed, max(rest, digit)
         onto, square = onto + count * step, square + count * count
         if square:
-            grid, wrong = onto / square, digit / np.sqrt(square)
+            grid, wrong = onto / square, _SURE * digit / np.sqrt(6.0 * square)
     return grid, wrong, 0.0
 
 
