@@ -9,7 +9,7 @@ import pytest
 from exactarm import _core
 from exactarm.data.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
-from exactarm.diagnose.verdict import EXPLAINED, NOTHING
+from exactarm.diagnose.verdict import EXPLAINED, NOTHING, UNEXPLAINED
 from exactarm.robot.robot import GearTable
 from gear_simulation import DEGREE, GearRuns, joined, simulate
 from rigid_arm import rigid
@@ -67,6 +67,20 @@ def test_names_what_the_gear_does(racer, name):
     assert result.before["validation"].rms > 1.2 * result.after["validation"].rms
     found = {(effect.name, effect.joint) for effect in result.robot.effects}
     assert (name, joint) in found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [3, 30])
+def test_a_wave_too_small_to_be_named_is_not_nothing(racer, seed):
+    """0.11 mrad twice a turn, some 4 % of what the component of its axis measures and below 2 % of all three:
+    the verdict was that nothing is missing, with a probability of 0.99 and more."""
+    wave = on_axis(1, lambda time, phi, direction: 1.1e-4 * np.cos(2.0 * phi + 0.4))
+    result = diagnose(racer, runs(racer, wave, axes=(1,), seed=seed))
+    assert result.verdict == UNEXPLAINED and not result.findings
+    assert "too small for a cause to be named" in result.sentence
+    formula = result.drafts[0].effect
+    assert formula.joint == 1 and "2*q_1" in formula.form
+    assert np.hypot(*formula.values) == pytest.approx(1.1e-4, rel=0.3)
 
 
 @pytest.mark.slow

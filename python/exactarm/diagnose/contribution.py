@@ -49,6 +49,7 @@ from exactarm.diagnose.signal import (
 )
 from exactarm.effects.axis_units import of_a_slide, slides
 from exactarm.effects.base import Effect, OwnCurve, Station
+from exactarm.numerics.quadratic import variances
 from exactarm.robot.robot import Robot
 
 # share of a value's variance that one signal explains, from which it is drawn as a curve of that signal
@@ -291,7 +292,7 @@ def _at_measurement(fitted: Fitted, moved: np.ndarray, columns: np.ndarray, dire
 def _half(fitted: Fitted, slopes: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """(N,) 95 % half widths from slopes (N, k) and covariance (k, k)."""
     return np.asarray(
-        fitted.fit.half_width(np.sqrt(np.maximum(np.einsum("nk,kl,nl->n", slopes, covariance, slopes), 0.0))))
+        fitted.fit.half_width(np.sqrt(np.maximum(variances(slopes, covariance), 0.0))))
 
 
 def _told_over(named: dict[Signal, np.ndarray], value: np.ndarray) -> Signal:

@@ -233,7 +233,7 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
         alternatives=alternatives, verdict=verdict,
         sentence=no_verdict(unconverged) if unconverged else sentence_of(
             verdict, findings, alternatives, before, told, left, excess, unknown, gain, undecided, withdrawn,
-            dropped[::-1]),
+            dropped[::-1], bool(beyond and beyond.faint)),
         dropped=dropped,
         causes=causes, unconverged=unconverged, drafts=drafts, unknown=unknown, excess=excess,
         held_out_gain=gain, next_experiment=words, experiments=experiments, dossier_before=had,

@@ -23,6 +23,7 @@ from exactarm.chain import Layout, View
 from exactarm.effects.base import Effect
 from exactarm.identify.layout_fit import Drawing, pulls_of
 from exactarm.numerics.orthonormal import extended, narrowed, orthonormal
+from exactarm.numerics.quadratic import variances
 from exactarm.numerics.regression import Fit
 from exactarm.robot.robot import Robot
 
@@ -137,7 +138,7 @@ class Fitted:
 
     def variance_of(self, jacobian: np.ndarray) -> np.ndarray:
         """(K, m) of predictions with a Jacobian (K, m, P), by what the fit leaves unknown."""
-        return np.einsum("nap,pq,naq->na", jacobian, self.fit.covariance, jacobian)
+        return variances(jacobian, self.fit.covariance)
 
     @property
     def data_numbers(self) -> int:

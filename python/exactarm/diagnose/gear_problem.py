@@ -269,6 +269,11 @@ class GearProblem(ProblemInTime):
     def least_share(self) -> float:
         return Problem.least_share if self._noise.drift is None else _LEAST_SHARE_OF_WHITE
 
+    @property
+    def least_doubt(self) -> float:
+        """As of one component, where a gyroscope has three: one shows what an axis does."""
+        return self.least_share / (1 if self.record.encoder_axes else 3)
+
     def judged_share(self, fitted: Fitted, effect: Effect) -> float:
         """Of the encoder for which that is most, beside everything that is free."""
         if fitted.drift is None:

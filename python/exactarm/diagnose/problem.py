@@ -231,6 +231,11 @@ class Problem(ABC):
         """The last fit as it is to be judged and written, where the search has weighed the rows otherwise."""
         return fitted
 
+    @property
+    def least_doubt(self) -> float:
+        """Of the square sum, that something else must take away to be at work; nothing is named for it."""
+        return self.least_share
+
     def judged_share(self, fitted: Fitted, effect: Effect) -> float:
         """How much an effect at its values changes, beside the square sum as it is judged, where the search
         weighs it otherwise."""

@@ -10,7 +10,7 @@ leave. Runs: each function alone beside the final model, its noise as the fit kn
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -52,12 +52,13 @@ class UnknownAxes:
     """likely: axis -> probability that something else turns it, and the signals that it may follow, the
     likeliest first; noise: of the rows beside it, in the terms of evidence.py; others: axis, or None of a
     device, and what probably moves it, in words; something: probability that one of them acts, where each is
-    weighed alone."""
+    weighed alone; faint: none of them takes as much away as an effect must."""
 
     noise: NoiseModel | KnownNoise
     likely: dict[int, tuple[float, list[Signal]]]
     others: tuple[tuple[int | None, Structure], ...] = ()
     something: float | None = None
+    faint: bool = False
 
 
 def unknown_axes(problem: Problem, fitted: Fitted) -> UnknownAxes:
@@ -77,8 +78,9 @@ def supported_axes(problem: Problem, fitted: Fitted) -> UnknownAxes:
     found = sorted(_weighed(problem, fitted, count), key=lambda one: -one.weight)
     while found and found[0].weight > -LEAST_NATS:
         columns = columns_of_unknown(problem, fitted, found[0].unknown, count)
-        if takes_enough(problem, fitted, *columns, parted):
-            break
+        takes = partial(takes_enough, problem, fitted, *columns, parted)
+        if takes(problem.least_doubt):
+            return replace(_in_time(fitted, count, found), faint=not takes(problem.least_share))
         del found[0]
     return _in_time(fitted, count, found)
 

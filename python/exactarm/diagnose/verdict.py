@@ -144,10 +144,13 @@ def remains(left: Dossier, excess: float, unknown: tuple[Structure, ...] = ()) -
 
 def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, excess: float,
                 unknown: tuple[Structure, ...] = (), gain: float = 0.0,
-                undecided: Undecided | None = None, withdrawn: tuple[str, ...] = (), dropped=()) -> str:
+                undecided: Undecided | None = None, withdrawn: tuple[str, ...] = (), dropped=(),
+                faint: bool = False) -> str:
     """The verdict in one sentence that a technician understands; gain: of the held-out rows, in nats;
     undecided: causes of which one is missing; withdrawn: of those that held-out rows refute where
-    nothing need be missing; dropped: effects that are no longer in the model."""
+    nothing need be missing; dropped: effects that are no longer in the model; faint: what is left takes less
+    away than an effect must."""
+    unnamed = "too small for a cause to be named" if faint else "that nothing in the library explains"
     judged = "validation" if after["validation"].n else "identification"
     if findings or dropped:
         stood, refuted = stood_and_refuted(findings)
@@ -174,15 +177,13 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
             return text + (f" Another cause is {'' if undecided.sure else 'probably '}missing, but this data "
                            f"cannot tell which: {undecided}.")
         if verdict == UNEXPLAINED:
-            text += (" A structure is left that nothing in the library explains; "
-                     f"{remains(left, excess, unknown)}.")
+            text += f" A structure is left {unnamed}; {remains(left, excess, unknown)}."
         return text
     if undecided:
         return (f"The model {'' if undecided.sure else 'probably '}lacks something, but this data cannot "
                 f"tell which: {undecided}.")
     if verdict == UNEXPLAINED:
-        return ("The residual has a structure that nothing in the library explains; "
-                f"{remains(left, excess, unknown)}.")
+        return f"The residual has a structure {unnamed}; {remains(left, excess, unknown)}."
     if left.structure:
         like = ", as noise does that neighbouring rows share" if left.strongest.signal.of_time else ""
         return (f"The data support no effect of the library: the residual follows the {left.strongest.signal}"

@@ -32,12 +32,13 @@ def is_worth(problem: Problem, fitted: Fitted, effects: list[Effect], parted: Cr
     free = np.array([not p.fixed for p in parameters], bool)  # searched orders too
     columns = np.concatenate([fitted.columns(effect) for effect in effects], axis=1)[:, free]
     prior = np.array([p.prior for p in parameters])[free]
-    return takes_enough(problem, fitted, columns, prior, parted) and holds_elsewhere(problem, fitted, effects)
+    enough = takes_enough(problem, fitted, columns, prior, parted, problem.least_share)
+    return enough and holds_elsewhere(problem, fitted, effects)
 
 
 def takes_enough(problem: Problem, fitted: Fitted, columns: np.ndarray, prior: np.ndarray,
-                 parted: CrossValidation) -> bool:
-    """Whether columns (R, k), with standard deviations (k,) of their coefficients, take enough of the
+                 parted: CrossValidation, least_share: float) -> bool:
+    """Whether columns (R, k), with standard deviations (k,) of their coefficients, take that share of the
     held-out square sum away, and surely so."""
     groups = problem.groups_for(_response(fitted, columns))
     if not np.array_equal(groups, problem.groups()):
@@ -52,7 +53,7 @@ def takes_enough(problem: Problem, fitted: Fitted, columns: np.ndarray, prior: n
     certain = certain or (len(fall) >= _LEAST_FALLING and np.all(fall > 0.0))
     # A fall g of a square sum of white noise scatters by 2 sqrt(g): beyond 4 z^2 every unit is sure of it.
     certain = certain or (len(fall) >= _LEAST_SHOWING and np.all(fall > 4.0 * _FOLD_CERTAINTY**2))
-    least = max(problem.least_share, problem.rounding_share(fitted))
+    least = max(least_share, problem.rounding_share(fitted))
     return bool(certain and fall.sum() > least * without.sum())
 
 

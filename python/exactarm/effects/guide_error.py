@@ -26,6 +26,7 @@ from exactarm.data.kinds import WITH_TARGET
 from exactarm.effects.base import Change, Effect, OwnCurve, Parameter, Station
 from exactarm.effects.moving_frames import MovingFrames
 from exactarm.numerics.factors import lstsq
+from exactarm.numerics.quadratic import variances
 from exactarm.numerics.rotation import skew
 
 _WAVES = 16  # the shortest is an eighth of the way long; they fall, and more cost the fit alone
@@ -146,7 +147,7 @@ class GuideError(Effect):
         found = []
         for motion, title in enumerate(_TITLES):
             make, own = self._makes(position)[motion // 3], self._part(motion, covariance)
-            variance = np.einsum("nk,kl,nl->n", make, own, make)
+            variance = variances(make, own)
             found.append(OwnCurve(f"Guide of axis {self.joint}: {title}", "m" if motion < 3 else "rad",
                                   make @ self.coefficients[motion], np.sqrt(np.maximum(variance, 0.0))))
         return tuple(found)

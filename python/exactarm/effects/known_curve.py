@@ -23,6 +23,8 @@ from typing import Any
 import numpy as np
 import scipy  # scipy.interpolate is imported at its first use
 
+from exactarm.numerics.quadratic import variances
+
 POINTS = 120  # every 3 degrees: waves of order 40 are 9 degrees long
 _WRAPPED = 3  # grid points repeated at either end of the turn
 _HALF = 0.5  # w from which an angle counts as measured
@@ -44,7 +46,7 @@ class KnownCurve:
         seen = basis(measured)
         mean = seen.mean(axis=0)
         around = basis(_TURN * np.arange(POINTS) / POINTS) - mean
-        variance = np.einsum("ij,jk,ik->i", around, covariance, around)
+        variance = variances(around, covariance)
         sd = tuple(float(f"{value:.{_DIGITS}g}") for value in np.sqrt(np.maximum(variance, 0.0)))
         return KnownCurve(sd, prior)
 

@@ -30,6 +30,7 @@ from exactarm.identify.repeats import worth_of_rows
 from exactarm.measurement.closures import PAIR, ClosurePrediction, noise_classes, predict_closures
 from exactarm.measurement.contacts import CAMERA
 from exactarm.measurement.known_lengths import known_lengths
+from exactarm.numerics.quadratic import variances
 from exactarm.numerics.regression import Evaluation, Fit, beyond_bounds, least_squares
 from exactarm.robot.robot import Robot
 
@@ -287,7 +288,7 @@ def _leverage(prediction: ClosurePrediction, scale: np.ndarray, pull: np.ndarray
     """(N, m) how much of each number its own measurement decides."""
     rows = (scale[:, :, None] * prediction.jacobian).reshape(scale.size, pull.shape[1])
     solved = _pseudo_inverse(rows.T @ rows + pull.T @ pull)
-    return np.einsum("ij,jk,ik->i", rows, solved, rows).reshape(scale.shape)
+    return variances(rows, solved).reshape(scale.shape)
 
 
 def _pseudo_inverse(matrix: np.ndarray) -> np.ndarray:

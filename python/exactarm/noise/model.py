@@ -20,6 +20,7 @@ import numpy as np
 from scipy import linalg, sparse
 
 from exactarm.noise.wandering import SESSIONS_APART, Wandering, kernel
+from exactarm.numerics.factors import cholesky
 
 
 @dataclass(frozen=True)
@@ -108,9 +109,11 @@ class NoiseModel:
         white = self.whiten(residual[:, :, None])[:, 0]
         value = -len(residual) * np.sum(np.log(self.sigma)) - 0.5 * np.sum(np.log1p(self._common[1]))
         if declared is not None:
-            basis, scale = np.linalg.qr(self.whiten(declared))
-            white = white - basis @ (basis.T @ white)
-            value -= np.sum(np.log(np.abs(np.diag(scale))))
+            columns = self.whiten(declared)
+            factor = cholesky(columns.T @ columns)
+            value -= np.sum(np.log(np.diag(factor)))
+            taken = linalg.solve_triangular(factor, columns.T @ white, lower=True, check_finite=False)
+            return float(value - 0.5 * (white @ white - taken @ taken))
         return float(value - 0.5 * white @ white)
 
     def wanders_like(self, other: NoiseModel) -> bool:

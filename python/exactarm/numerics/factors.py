@@ -44,8 +44,8 @@ def pinv(matrix: np.ndarray, rcond: float = 1e-15) -> np.ndarray:
 
 
 def cholesky(matrix: np.ndarray) -> np.ndarray:
-    """Lower factor of I + G, G positive semidefinite: where the rounding of a large G leaves it indefinite,
-    of it with the least on its diagonal that does not."""
+    """Lower factor of a positive semidefinite matrix; where rounding leaves it indefinite, with the least on
+    its diagonal that does not."""
     more = np.finfo(float).eps * float(np.max(np.abs(np.diag(matrix)), initial=1.0))
     while np.isfinite(more):
         try:

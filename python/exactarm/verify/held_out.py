@@ -22,6 +22,7 @@ from exactarm.errors import InputError
 from exactarm.identify.declared import carried_layout, frames_layout, require_geometry
 from exactarm.identify.match import require_match
 from exactarm.identify.pose_fit import PoseFit, fit_poses
+from exactarm.numerics.quadratic import variances
 from exactarm.numerics.rotation import log, nearest
 from exactarm.robot.robot import Joint, Placement, Robot, frame_of
 
@@ -212,7 +213,7 @@ def judge(robot: Robot, data: Dataset, rows: Rows, seed: int = DEFAULT_SEED, thr
         block = np.arange(start, min(start + BLOCK_ROWS, len(judged)))
         prediction = predict_poses(robot, fit.layout, judged.select(block), threads=threads)
         tangent = prediction.jacobian[:, :3]
-        variance[block] = np.einsum("nip,pq,niq->n", tangent, fit.fit.covariance, tangent) / 3.0
+        variance[block] = variances(tangent, fit.fit.covariance).mean(axis=1)
         predicted[block], rotation[block] = prediction.position, prediction.rotation
     base = _base_rotation(fit, judged)
     turn = None
