@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 
 def variances(rows: np.ndarray, covariance: np.ndarray) -> np.ndarray:
-    """(...) r C r' of rows (..., P) and a covariance (P, P), in one product of matrices."""
-    flat = rows.reshape(-1, rows.shape[-1])
-    return np.sum((flat @ covariance) * flat, axis=1).reshape(rows.shape[:-1])
+    """(...) r C r' of rows (..., P) and a covariance (P, P), in one product of matrices; 0 where P is 0."""
+    *shape, size = rows.shape
+    flat = rows.reshape(math.prod(shape), size)
+    return np.sum((flat @ covariance) * flat, axis=1).reshape(shape)
