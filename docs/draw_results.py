@@ -14,7 +14,8 @@ import numpy as np
 import pandas
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-from exactarm.report.plots.style import AFTER, BEFORE, FLOOR, house_style, new_figure
+from exactarm.report.plots.picture import house_style
+from exactarm.report.plots.style import AFTER, BEFORE, FLOOR, new_figure
 
 
 def held_out(folder: Path, column: str) -> np.ndarray:

@@ -48,7 +48,7 @@ def figures_are_built_not_drawn(request, monkeypatch):
         vector.write_text(_EMPTY_SVG)
         raster.write_bytes(b"\x89PNG")
 
-    monkeypatch.setattr("exactarm.report.plots.style.write_picture", written)
+    monkeypatch.setattr("exactarm.report.plots.picture.write_picture", written)
 
 
 @pytest.fixture(autouse=True)

@@ -99,6 +99,15 @@ def test_help_imports_no_numerics_and_is_quick():
     assert ours < 10.0 * nothing, (ours, nothing)
 
 
+def test_no_command_imports_plots_before_it_draws():
+    """A wrong word or file is told without the half second that matplotlib takes."""
+    program = ("import sys; from exactarm.commands.listing import find_commands, import_command\n"
+               "print(len([import_command(name) for name in find_commands()]), 'matplotlib' in sys.modules)")
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    count, drawn = run.stdout.split()
+    assert int(count) >= len(ea.COMMANDS) and drawn == "False"
+
+
 @pytest.mark.parametrize("name", [name for name in ea.COMMANDS if name in find_commands()])
 def test_python_and_command_line_have_one_default_seed(name):
     module = import_command(name)

@@ -23,7 +23,7 @@ from exactarm.report.plots import (
     workspace_error,
 )
 from exactarm.report.plots.interactive import draw_figure
-from exactarm.report.plots.style import house_style
+from exactarm.report.plots.picture import house_style
 
 RANDOM = np.random.default_rng(11)
 COUNT = 60

@@ -6,7 +6,7 @@ from exactarm.commands.error_sections import geometry_tables
 from exactarm.report import Estimate, Highlight, Highlights, Quantity, Report, Table
 from exactarm.report.html import render_html
 from exactarm.report.numbers import change, format_cells, quantities
-from exactarm.report.plots.style import house_style, readable_decades
+from exactarm.report.plots.picture import house_style, readable_decades
 from exactarm.report.terminal import columns_of, highlight_texts
 
 

@@ -25,7 +25,8 @@ from exactarm.report.numbers import choose_scale, estimate, format_cells, number
 from exactarm.report.plots import arm, curves, design, effects, parameters, residual, workspace
 from exactarm.report.plots.errors import error_histogram, error_per_pose
 from exactarm.report.plots.files import draw
-from exactarm.report.plots.style import house_style, on_one_panel
+from exactarm.report.plots.picture import house_style
+from exactarm.report.plots.style import on_one_panel
 from exactarm.report.terminal import columns_of, render_text
 
 pytestmark = pytest.mark.drawn  # what the files of figures hold is looked at

@@ -1,10 +1,12 @@
 """What the report of `exactarm gear` shows: errors before and after, spectra, tables, both methods on
 held-out runs."""
 
+from __future__ import annotations
+
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from exactarm.commands.next_steps import ENOUGH_FALL, next_steps
 from exactarm.data.kinds import GEAR_RUN
@@ -15,6 +17,9 @@ from exactarm.report.numbers import change, fixed, quantity
 from exactarm.report.plots.residual import residual_over_signal, spectrum
 from exactarm.report.plots.style import figure_of_panel
 from exactarm.robot.robot import Robot
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _LEVEL = 1.96
 _MOST_SHOWN = 6000

@@ -1,11 +1,16 @@
 """The arm in space with the error of every measured pose as an arrow, before and after."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
-from matplotlib.colors import Normalize
-from matplotlib.figure import Figure
 
 from exactarm.report.numbers import number
 from exactarm.report.plots.style import INK, SOFT, new_figure, scaled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _MOST_ARROWS = 220
 _ARROW_SHARE = 0.22  # of the arm's reach: length of the longest arrow
@@ -17,6 +22,8 @@ def arm_with_errors(arm: np.ndarray, points: np.ndarray, before: np.ndarray, aft
                     unit: str = "m") -> Figure:
     """arm (n + 1, 3) m, joint by joint; points (N, 3) m of the target; error vectors before and after (N, 3),
     same scale."""
+    from matplotlib.colors import Normalize
+
     chosen = np.arange(len(points))[:: max(1, -(-len(points) // _MOST_ARROWS))]
     largest = float(np.percentile(np.linalg.norm(before[chosen], axis=1), _PERCENTILE)) or 1e-9
     size, shown = scaled(np.array([largest]), unit)

@@ -1,11 +1,16 @@
 """A daily check: the statistic of the test against its boundary, and how far the poses have moved."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from exactarm.report.plots import style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 LEAST = 1e-3  # of the statistic that is drawn
 MOST = 1e12
@@ -35,6 +40,8 @@ def _statistic(statistic: np.ndarray, boundary: float, alarm: int | None, axes: 
 
 
 def _moved(moved: np.ndarray, noise: float, since: tuple[int, int] | None, axes: Axes) -> None:
+    from matplotlib.ticker import MaxNLocator
+
     size, unit = style.scaled(moved, "m", np.array([noise]))
     days = np.arange(1, len(moved) + 1)
     if since is not None:

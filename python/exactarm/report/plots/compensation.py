@@ -1,13 +1,19 @@
 """What a compensation moved by how much: arrows in the work space, and the size of each target's
 correction."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from exactarm.report.plots import style
 from exactarm.report.plots.curves import envelope
 from exactarm.report.plots.workspace import VIEWS, with_base
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 MOST_DRAWN = 1000  # targets: more are a blot, and a vector picture of all takes longer than their correction
 LONGEST_ARROW = 0.12  # of the width of the plot

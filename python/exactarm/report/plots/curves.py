@@ -1,12 +1,17 @@
 """Curves over time or any other abscissa, one panel or one per axis of the robot."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from exactarm.report.plots.style import CYCLE, label_with, legend_above, panel_per_axis, scaled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 MOST_POINTS = 2000
 LEAST_RANGE = 1e-3  # of the largest value of all axes: an axis that stands still is drawn so

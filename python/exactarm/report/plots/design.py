@@ -1,11 +1,16 @@
 """How an exchange of poses raises the observability."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from exactarm.report.plots.style import AFTER, CYCLE, label_with, legend_above
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 def observability_over_steps(values: np.ndarray, axes: Axes, *, name: str = "O1",

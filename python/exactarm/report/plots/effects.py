@@ -1,15 +1,20 @@
 """What each found effect does: its curve with band over its own signal, and the sizes of all of them at the
 tool."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from exactarm.report.numbers import number
 from exactarm.report.plots import style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 COLUMNS, PANEL_IN, ROW_IN = 2, 2.05, 0.24
 _GAP_SHARE = 0.03  # of the signal's range without a measured row, over which no curve is drawn

@@ -1,10 +1,16 @@
 """Error of every pose (or run) before and after, and how often which error occurs."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
-from matplotlib.axes import Axes
 
 from exactarm.report.numbers import number
 from exactarm.report.plots import style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 def error_per_pose(before: np.ndarray, after: np.ndarray, validation: np.ndarray, unit: str, axes: Axes, *,

@@ -25,7 +25,7 @@ def draw(figures: Sequence[Figure], place: Callable[[str], Path],
     """Writes plots/NAME.svg and plots/NAME.png to `place(name)`; the same figure gives the same bytes."""
     if not figures:
         return []
-    from exactarm.report.plots.style import house_style, write_picture
+    from exactarm.report.plots.picture import house_style, write_picture
 
     drawings = []
     progress.stage(DRAWING, total=len(figures))

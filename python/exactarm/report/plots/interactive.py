@@ -9,7 +9,8 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure as Drawing
 
 from exactarm.errors import InputError
-from exactarm.report.plots.style import drawn_by, house_style, legend_above, readable_decades
+from exactarm.report.plots.picture import house_style, readable_decades
+from exactarm.report.plots.style import drawn_by, legend_above
 from exactarm.report.sections import Figure
 
 _TITLE_IN = 0.24  # height of a title over its panel

@@ -1,12 +1,17 @@
 """Parameters with their intervals, singular values."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from exactarm.report.plots import style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 ROW_IN, PANEL_FRAME_IN = 0.23, 0.75
 LONG_LABEL = 22

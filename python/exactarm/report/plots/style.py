@@ -3,24 +3,22 @@
 Grey is before, blue is after, orange is what was never fitted (validation), green a noise floor.
 """
 
-import re
+from __future__ import annotations
+
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import partial
-from pathlib import Path
+from typing import TYPE_CHECKING
 
-import matplotlib
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.backends.backend_svg import FigureCanvasSVG
-from matplotlib.figure import Figure
-from matplotlib.ticker import LogFormatterSciNotation
-from matplotlib.transforms import ScaledTranslation
 
 from exactarm.report.numbers import choose_scale
 from exactarm.report.sections import Figure as FigureSection
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY, GREY = (
     "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9", "#868C94")
@@ -28,50 +26,9 @@ INK, SOFT = "#222222", "#555555"
 BEFORE, AFTER, VALIDATION, FLOOR = GREY, BLUE, RED, GREEN
 CYCLE = (BLUE, RED, GREEN, ORANGE, PURPLE, SKY, INK)
 WIDTH_IN, HEIGHT_IN = 8.4, 3.5
-PNG_DOTS_PER_INCH = 110
 RASTER_ABOVE = 4000  # more markers than this are drawn as an image inside the SVG
 
-SETTINGS = {
-    "figure.constrained_layout.use": True,
-    "font.family": "DejaVu Sans",
-    "font.size": 9.5,
-    "axes.titlesize": 9.5,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "axes.labelsize": 9.5,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.edgecolor": SOFT,
-    "axes.labelcolor": INK,
-    "axes.titlecolor": INK,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.prop_cycle": matplotlib.cycler(color=CYCLE),
-    "axes.unicode_minus": True,
-    "grid.color": "#E3E5E8",
-    "grid.linewidth": 0.7,
-    "xtick.color": SOFT,
-    "ytick.color": SOFT,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    "legend.frameon": False,
-    "legend.fontsize": 9,
-    "legend.handletextpad": 0.5,
-    "legend.columnspacing": 1.4,
-    "lines.linewidth": 1.4,
-    "text.parse_math": False,  # a column may be called cost_$: its name is no formula
-    "svg.hashsalt": "exactarm",
-    "svg.fonttype": "path",
-}
-
-
-@contextmanager
-def house_style() -> Iterator[None]:
-    with matplotlib.rc_context(SETTINGS):
-        yield
-
-
-_MAKER: ContextVar[Callable[..., Figure]] = ContextVar("maker of figures", default=Figure)
+_MAKER: ContextVar[Callable[..., Figure] | None] = ContextVar("maker of figures", default=None)
 
 
 @contextmanager
@@ -85,7 +42,10 @@ def drawn_by(maker: Callable[..., Figure]) -> Iterator[None]:
 
 
 def new_figure(height: float = HEIGHT_IN, width: float = WIDTH_IN) -> Figure:
-    return _MAKER.get()(figsize=(width, height))
+    """Of the maker that was asked for, else one that belongs to no window."""
+    from matplotlib.figure import Figure
+
+    return (_MAKER.get() or Figure)(figsize=(width, height))
 
 
 def on_one_panel(panel: Callable[[Axes], None], height: float = HEIGHT_IN) -> Figure:
@@ -120,49 +80,6 @@ def figure_of_panel(name: str, heading: str, panel: Callable[[Axes], None], heig
     return FigureSection(name, heading, partial(on_one_panel, panel, height), caption, alt, panel)
 
 
-class _Decades(LogFormatterSciNotation):
-    """Labels of a logarithmic axis as text, 10³ and 2×10⁻⁴: `text.parse_math` is off, theirs are formulae."""
-
-    def __call__(self, x: float, pos: int | None = None) -> str:
-        found = re.search(r"mathdefault\{(?:(.*)\\times)?(-?)10\^\{(-?\d+)\}\}", super().__call__(x, pos))
-        if not found:
-            return ""
-        times, sign, exponent = found.groups()
-        head = f"{times}×" if times else ""
-        return f"{head}{sign}10{exponent.translate(_RAISED)}".replace("-", "−")
-
-
-class _Plain(_Decades):
-    """The same labels as 0.2 and 30."""
-
-    def __call__(self, x: float, pos: int | None = None) -> str:
-        return f"{x:g}" if super().__call__(x, pos) else ""
-
-
-_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_PLAIN = (1e-2, 1e4)  # an axis within these needs no powers of ten
-
-
-def readable_decades(panels: Sequence[Axes]) -> None:
-    """Logarithmic axes are labelled in text."""
-    for axes in panels:
-        for axis in (axes.xaxis, axes.yaxis):
-            if axis.get_scale() == "log" and type(axis.get_major_formatter()) is LogFormatterSciNotation:
-                low, high = axis.get_view_interval()
-                labels = _Plain if _PLAIN[0] <= low and high <= _PLAIN[1] else _Decades
-                axis.set_major_formatter(labels())
-                axis.set_minor_formatter(labels(labelOnlyBase=False))
-
-
-def write_picture(picture: Figure, vector: Path, raster: Path) -> None:
-    """SVG and PNG from one layout, drawn once each: `savefig` would draw and lay out each one twice."""
-    readable_decades(picture.axes)
-    picture.set_dpi(PNG_DOTS_PER_INCH)
-    FigureCanvasAgg(picture).print_png(raster, metadata={"Software": None})
-    picture.set_layout_engine("none")
-    FigureCanvasSVG(picture).print_svg(vector, metadata={"Date": None, "Creator": None})
-
-
 def scaled(values: Sequence[float] | np.ndarray, unit: str, *others: np.ndarray | None) -> tuple[float, str]:
     """Size and name of the unit that suits the largest of all arrays; large angles become degrees."""
     arrays = [np.ravel(np.asarray(array, dtype=float)) for array in (values, *others) if array is not None]
@@ -182,6 +99,8 @@ def label_with(name: str, unit: str) -> str:
 def legend_above(axes: Axes, side: str = "left", columns: int = 4, marker_scale: float = 1.0,
                  lifted_in: float = 0.0) -> None:
     """The legend over the plot, where it hides no data; lifted: over a title."""
+    from matplotlib.transforms import ScaledTranslation
+
     handles, labels = axes.get_legend_handles_labels()
     if handles:
         lifted = ScaledTranslation(0.0, lifted_in, axes.get_figure().dpi_scale_trans)

@@ -1,9 +1,15 @@
 """How far off the target may be, pose by pose: half axes of the 95 % ellipsoid, shortest to longest."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
-from matplotlib.axes import Axes
 
 from exactarm.report.plots.style import AFTER, from_zero, label_with, marker_size, scaled
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 def half_axes_per_pose(half_axes: np.ndarray, axes: Axes) -> None:

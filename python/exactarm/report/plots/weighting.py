@@ -1,14 +1,18 @@
 """Accuracy against control effort: errors and bandwidths over a weight, trade-off curves, stacked histories,
 a path in space."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.figure import Figure
-from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
 
 from exactarm.report.plots import style
 from exactarm.report.plots.curves import envelope
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 MOST_POINTS = 600  # a trace; a report holds many
 DRAWN = 1e-6  # of the largest amplitude: below, no spectrum is drawn
@@ -132,6 +136,8 @@ def path_in_space(desired: np.ndarray, calculated: np.ndarray, rotation: np.ndar
 
 def _plain_numbers(axis) -> None:
     """Ticks of a short logarithmic axis as 10, 20, 50; one of many decades keeps its powers."""
+    from matplotlib.ticker import FormatStrFormatter, LogLocator, NullFormatter
+
     low, high = axis.get_view_interval()
     if high > MOST_PLAIN * low:
         return

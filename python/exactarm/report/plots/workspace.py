@@ -1,12 +1,17 @@
 """Poses in the workspace, seen from above and from the side."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from exactarm.report.plots.style import AFTER, INK, VALIDATION, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 VIEWS = (("from above", 0, 1), ("from the side", 0, 2))
 AXIS_NAMES = ("x [m]", "y [m]", "z [m]")

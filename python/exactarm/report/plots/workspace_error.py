@@ -1,11 +1,17 @@
 """Errors over the work space, before and after on one scale: seen from above and from the side; and errors of
 distances."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from exactarm.report.plots import style
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 COLOURS = "cividis_r"  # tells apart in grey print and for colour-blind eyes; light is good
 _HEIGHT_IN = 5.4
