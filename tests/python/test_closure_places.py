@@ -9,9 +9,10 @@ from exactarm.diagnose.closure_problem import ClosureProblem
 from exactarm.diagnose.cross_validation import CrossValidation
 from exactarm.diagnose.worth import holds_elsewhere
 from exactarm.effects.base import Parameter
+from exactarm.identify import closure_fit
 from exactarm.identify.closure_fit import fit_closures
 from exactarm.identify.closures import calibrate_closures, declare_closures
-from exactarm.measurement.closures import touches
+from exactarm.measurement.closures import predict_closures, touches
 from test_closures import covered, touched
 
 READINGS = 8
@@ -178,6 +179,22 @@ def test_a_row_counts_for_its_worth_as_if_it_were_there_so_often():
     assert other == pytest.approx(one, rel=1e-6)
     assert fits[1].fit.x == pytest.approx(fits[0].fit.x, abs=1e-9)
     assert fits[1].log_likelihood == pytest.approx(fits[0].log_likelihood, rel=1e-9)
+
+
+@pytest.mark.slow
+def test_a_fit_predicts_no_touch_twice(monkeypatch):
+    """The rounds of noise and fit begin where the last one ended."""
+    robot, data = read_again(5, 1)
+    data = touches(data)
+    declared, seen = declare_closures(robot.nominal, data), []
+
+    def counted(robot, layout, *given, **options):
+        seen.append(layout.values.tobytes())
+        return predict_closures(robot, layout, *given, **options)
+
+    monkeypatch.setattr(closure_fit, "predict_closures", counted)
+    closure_fit.fit_closures(robot.nominal, declared.layout, data, declared.pulls)
+    assert 3 < len(seen) == len(set(seen))
 
 
 @pytest.mark.slow

@@ -163,6 +163,22 @@ def test_a_minimum_at_a_kink_is_found_in_few_steps(height, numbers, arrives):
     assert abs(fit.x[0] - fit.x[1]) < 1e-2
 
 
+def test_a_step_that_is_taken_is_evaluated_once():
+    """With its Jacobian at once; a step that is not taken costs no Jacobian but the first in a row."""
+    time, seen = np.linspace(0.0, 4.0, 40), []
+
+    def counted(x, with_jacobian):
+        seen.append((x.tobytes(), with_jacobian))
+        return exponential(time, 3.0 * np.exp(-1.7 * time))(x, with_jacobian)
+
+    fit = least_squares(counted, np.array([2.5, 1.5]))
+    assert fit.converged and fit.iterations > 2
+    assert len(seen) == len(set(seen)) == fit.iterations and all(slopes for _, slopes in seen)
+    seen.clear()
+    fit = least_squares(counted, np.array([1.0, 40.0]), most_iterations=2)  # far off: the radius shrinks
+    assert len(seen) > 4 and sum(slopes for _, slopes in seen) <= 1 + 2 * fit.iterations
+
+
 def test_the_limit_of_iterations_is_said():
     time = np.linspace(0.0, 4.0, 40)
     fit = least_squares(exponential(time, 3.0 * np.exp(-1.7 * time)), np.array([1.0, 0.1]), most_iterations=2)

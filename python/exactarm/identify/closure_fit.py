@@ -171,10 +171,10 @@ def fit_closures(robot: Robot, layout: Layout, data: Dataset, pulls: Pulls, *, k
 
     for _ in range(_ROUNDS):
         weight = keep * _tail_weights(prediction.residual / sigma, prediction.used)
-        fit = _inner(robot, layout, data, pulls, prediction, (root * weight)[:, None] / sigma, (lower, upper),
-                     threads, tolerance)
-        layout = layout.at(fit.x)
-        prediction = predict_closures(robot, layout, data, threads=threads)
+        fit, there = _inner(robot, layout, data, pulls, prediction, (root * weight)[:, None] / sigma,
+                            (lower, upper), threads, tolerance)
+        layout, held = layout.at(fit.x), there.pictures.groups
+        prediction = predict_closures(robot, layout, data, threads=threads) if held else there
         new = _estimated_noise(data, prediction, sigma, keep, worth, pulls.rows(layout)[0])
         change = max(abs(value / noise.by_class.get(key, np.inf) - 1.0)
                      for key, value in new.by_class.items())
@@ -198,15 +198,22 @@ def expected_deviations(robot: Robot, layout: Layout, data: Dataset, sigma: floa
     return np.sqrt(np.diag(_pseudo_inverse(jacobian.T @ jacobian + pull.T @ pull)))
 
 
-def _inner(robot, layout, data, pulls, prediction, scale, bounds, threads, tolerance) -> Fit:
-    """Weighted least squares at fixed weights and variances, and fixed axes of the pictures: as these turn,
-    the square sum has no slope that the Jacobian tells."""
+def _inner(robot, layout, data, pulls, prediction, scale, bounds, threads,
+           tolerance) -> tuple[Fit, ClosurePrediction]:
+    """Weighted least squares from the `prediction` of the layout, at fixed weights and variances, and fixed
+    axes of the pictures: as these turn, the square sum has no slope that the Jacobian tells. With the
+    prediction at the end, in the same axes."""
     numbers = prediction.residual.size
+    latest = {layout.values.tobytes(): prediction}  # with its Jacobian: two at once are a lot of memory
 
     def evaluate(x: np.ndarray, with_jacobian: bool) -> Evaluation:
-        at = layout.at(x)
-        now = predict_closures(robot, at, data, tangents=with_jacobian, threads=threads,
-                               pictures=prediction.pictures)
+        at, now = layout.at(x), latest.get(x.tobytes())
+        if now is None:
+            now = predict_closures(robot, at, data, tangents=with_jacobian, threads=threads,
+                                   pictures=prediction.pictures)
+            if with_jacobian:
+                latest.clear()
+                latest[x.tobytes()] = now
         pull, tail = pulls.rows(at)
         residual = np.concatenate([now.residual.ravel(), tail])
         if not with_jacobian:
@@ -215,8 +222,10 @@ def _inner(robot, layout, data, pulls, prediction, scale, bounds, threads, toler
 
     rows = len(pulls.rows(layout)[1])
     weights = np.concatenate([(scale * prediction.used).ravel(), np.ones(rows)])
-    return least_squares(evaluate, layout.values, weights=weights, bounds=bounds, tolerance=tolerance,
-                         most_iterations=_INNER_STEPS)
+    fit = least_squares(evaluate, layout.values, weights=weights, bounds=bounds, tolerance=tolerance,
+                        most_iterations=_INNER_STEPS)
+    evaluate(fit.x, True)  # the last may have been a step that was not taken
+    return fit, latest[fit.x.tobytes()]
 
 
 def _squares(white: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -89,7 +89,7 @@ def fit_layout(predict: Predict, layout: Layout, weight: np.ndarray, sigma: np.n
     bounds = np.array([p.lower for p in parameters]), np.array([p.upper for p in parameters])
     pull, centre = pulls_of(layout, drawing)
 
-    latest: dict[bytes, _Point] = {}  # at the last point that was accepted, where the next round begins
+    latest: dict[bytes, _Point] = {}  # the last, where the next round mostly begins
 
     def evaluate(x: np.ndarray, with_jacobian: bool) -> Evaluation:
         if with_jacobian and x.tobytes() in latest:
@@ -126,7 +126,7 @@ def fit_layout(predict: Predict, layout: Layout, weight: np.ndarray, sigma: np.n
             group=int(np.bincount(alike).min()),  # what shares one variance shares a robust weight
             data_rows=each.size, numbers=numbers, tolerance=tolerance if exact else max(tolerance, _ALONG),
             normal=None if robust else partial(_Point.normal, sigma=sigma))
-        (last,) = latest.values()
+        last = evaluate(fit.x, True)  # the latest may be of a step that was not taken
         spent = _spent(last, sigma, fit)
         left = fit.clipped[: each.size].reshape(-1, components)
         new = np.maximum(_spread(left, spent, alike, share[rows]), floor)

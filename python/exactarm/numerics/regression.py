@@ -215,7 +215,8 @@ def least_squares(
         near = not robust and fall < _NEAR**2 * square / numbers
         crawls = near and len(squares) > _CRAWL and squares[-1 - _CRAWL] - square < hidden
         if shrunk < _KINK and not crawls:
-            trial, radius = _descend(evaluate, model, whole, x, now, weight, unit, (lower, upper), radius)
+            trial, there, radius = _descend(evaluate, model, whole, x, now, weight, unit, (lower, upper),
+                                            radius, shrunk == 0)
         if trial is None and not crawls and np.any(scale > norms) and least - square > hidden:
             # The past holds columns too short: once more without it, where the last time was worth it.
             scale, radius, shrunk, least = norms, np.inf, 0, square
@@ -225,7 +226,7 @@ def least_squares(
             reason = CONVERGED if fall <= hidden else short
             break
         shrunk = shrunk + 1 if radius < before else 0
-        x, now = trial, evaluate(trial, True)
+        x, now = trial, there if there.jacobian is not None else evaluate(trial, True)
         if robust:
             soft = _robust_weights(w * now.residual, group, data)
     else:
@@ -237,9 +238,10 @@ def _model(now: Evaluation, weight: np.ndarray, normal) -> Model:
     return Model(now.jacobian, -weight * now.residual, weight=weight, normal=normal and normal(now))
 
 
-def _descend(evaluate, model: Model, whole: Step, x, now: Evaluation, weight, unit, bounds, radius: float):
-    """(next x, next radius): the first step, of shrinking radius, that lowers the square sum; None where none
-    does.
+def _descend(evaluate, model: Model, whole: Step, x, now: Evaluation, weight, unit, bounds, radius: float,
+             hopeful: bool):
+    """(next x, its evaluation, next radius): the first step, of shrinking radius, that lowers the square sum;
+    None where none does. hopeful: the first is evaluated with its Jacobian, which the next one asks for.
 
     Inside a curved valley the step follows the geodesic to second order (Transtrum and Sethna 2012): the
     second derivative along the step is taken from two more residuals, and a step that bends more than it
@@ -255,7 +257,7 @@ def _descend(evaluate, model: Model, whole: Step, x, now: Evaluation, weight, un
         if length <= smallest or promised <= _LEAST_PROMISE**2 * square / len(
             model.residual
         ) and radius < length_of_whole:
-            return None, radius
+            return None, None, radius
         bend = _bend(evaluate, model, step, x, now, weight, unit) if step.shift > 0.0 else np.zeros_like(x)
         trial = np.clip(x + (step.step + 0.5 * bend) / unit, *bounds)
         for bound, met in zip(bounds, (step.step <= low, step.step >= high)):
@@ -263,14 +265,14 @@ def _descend(evaluate, model: Model, whole: Step, x, now: Evaluation, weight, un
         ratio = -1.0
         if 2.0 * _length(bend) <= _MOST_BENT * length:
             with np.errstate(over="ignore", invalid="ignore"):
-                ratio = square - _length(weight * evaluate(trial, False).residual) ** 2
-            ratio /= promised
+                there, hopeful = evaluate(trial, hopeful), False
+                ratio = (square - _length(weight * there.residual) ** 2) / promised
         if not ratio > _POOR:  # not a number where the model has no value there
             radius = 0.25 * length if not ratio > 0.0 else 0.5 * length
         elif ratio > _GOOD:
             radius = max(radius, _GROWTH * length)
         if ratio > _LEAST_RATIO:
-            return trial, radius
+            return trial, there, radius
 
 
 def _bend(evaluate, model: Model, step: Step, x, now: Evaluation, weight, unit) -> np.ndarray:
