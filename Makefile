@@ -9,6 +9,10 @@ SHELL := /bin/bash
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/pip install --quiet --disable-pip-version-check
+# Packages of others: byte code is written on all cores afterwards, where pip writes it on one (what cannot be compiled
+# is no module of this Python).
+PACKAGES = $(PIP) --no-compile
+BYTE_CODE = $(BIN)/python -m compileall -qq -j $(CMAKE_BUILD_PARALLEL_LEVEL) $(VENV)/lib || true
 BUILD := build/make
 SANITIZE := build/sanitize
 OUT ?= demo
@@ -42,7 +46,10 @@ help:
 demo: .setup/install
 	@$(BIN)/exactarm demo --out $(OUT)
 
-test: lint test-cpp test-python
+# The linter runs beside the compiler.
+test: .setup/install .setup/packages-test
+	@$(MAKE) --no-print-directory -j 2 lint .setup/tests
+	@$(MAKE) --no-print-directory test-cpp test-python
 
 # Rules of the linter, and types of what a user calls; pyproject.toml has both.
 lint: .setup/install .setup/packages-test
@@ -136,13 +143,16 @@ wheel: .setup/system
 # The build tools are in the environment, so that the build folder is used again from one run to the next.
 .setup/packages-%: pyproject.toml setup/requirements.py .setup/venv
 	@echo "== Python packages ($*)"
-	@[ ! -f setup/lock/$*.txt ] || $(PIP) --require-hashes -r setup/lock/$*.txt
+	@[ ! -f setup/lock/$*.txt ] || $(PACKAGES) --require-hashes -r setup/lock/$*.txt
 	@$(BIN)/python setup/requirements.py $* > .setup/$*.txt
-	@$(PIP) -r .setup/$*.txt && touch $@
+	@$(PACKAGES) -r .setup/$*.txt
+	@$(BYTE_CODE)
+	@touch $@
 
 .setup/install: $(SOURCES) .setup/packages-build
 	@echo "== building exactarm (the first time takes minutes)"
-	@$(PIP) --require-hashes -r setup/lock/run.txt
+	@$(PACKAGES) --require-hashes -r setup/lock/run.txt
+	@$(BYTE_CODE)
 	@$(PIP) --no-build-isolation --config-settings=build-dir=$(BUILD) --config-settings=cmake.define.EXACTARM_CPU=native \
 	  --config-settings=cmake.define.EXACTARM_WARNINGS_AS_ERRORS=ON . && touch $@
 

@@ -27,6 +27,7 @@ from exactarm.diagnose.cross_validation import CrossValidation
 from exactarm.diagnose.decisions import ABSORBED, INVISIBLE
 from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES, Vocabulary
 from exactarm.numerics.factors import cholesky
+from exactarm.numerics.log_sum import log_sum
 from exactarm.numerics.orthonormal import orthonormal
 
 WEAKEST = 1e-7  # direction of the declared parameters beside the strongest, below which it absorbs nothing
@@ -214,14 +215,13 @@ class Picture:
         """L^-1 B'C (K, p) and L^-1 B'r (K,), with L L' = I + B'B."""
         if not members.blocks:
             return np.zeros((0, self.columns.shape[1])), np.zeros(0)
-        cross, where, scale = self._products(members)
-        right = scale * self.onto[where]
-        lower = cholesky(np.eye(len(scale)) + cross[:, where] * scale)
-        inverse = linalg.solve_triangular(lower, np.eye(len(scale)), lower=True, check_finite=False)
-        return inverse @ cross, inverse @ right
+        product, where, scale = self._products(members)
+        lower = cholesky(np.eye(len(scale)) + scale[:, None] * product[:, where] * scale)
+        inverse = linalg.solve_triangular(lower, np.diag(scale), lower=True, check_finite=False)
+        return inverse @ product, inverse @ self.onto[where]
 
     def _products(self, members: Members) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """B'C (K, p), and of every column of B its place (K,) in C and its scale (K,)."""
+        """C_B'V^-1 C (K, p), and of every column of B its place (K,) in C and its scale (K,)."""
         parts, where, scale = [], [], []
         for index, size in zip(members.blocks, members.scales):
             block = self.vocabulary.blocks[index]
@@ -230,10 +230,9 @@ class Picture:
                 if len(self._product) >= _MOST_PRODUCTS:
                     self._product.pop(next(iter(self._product)))
                 self._product[start] = self.between(block.where, slice(None))
-            each = SCALES[size] * block.size
-            parts.append(each[:, None] * self._product[start])
+            parts.append(self._product[start])
             where.append(np.arange(block.where.start, block.where.stop))
-            scale.append(each)
+            scale.append(SCALES[size] * block.size)
         return np.concatenate(parts), np.concatenate(where), np.concatenate(scale)
 
     def quadratic(self, members: Members) -> tuple[float, float]:
@@ -319,7 +318,7 @@ class Picture:
         ratio = np.log(np.maximum(1.0 - np.minimum(gains, most) / most, 1e-12))
         log_bf = sided - price - 0.5 * self.count * ratio + np.log(SCALE_WEIGHTS)[:, None]
         best = np.argmax(log_bf, axis=0)
-        weight = special.logsumexp(log_bf, axis=0) + self.log_prior
+        weight = log_sum(log_bf) + self.log_prior
         weight[unseen] = -np.inf
         weight[list(self.closed)] = -np.inf
         return Additions(weight, best, gains[best, np.arange(shape[1])])
