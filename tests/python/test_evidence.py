@@ -73,6 +73,27 @@ def test_likelihood_is_that_of_the_full_covariance(members):
     assert pic.log_likelihood(members) == pytest.approx(dense_log_likelihood(pic, members), abs=1e-9)
 
 
+def test_what_a_set_takes_off_has_a_row_for_each_direction_that_it_tells():
+    """Forty waves of a smooth function on an angle of sixty poses: most of them say the same."""
+    rng = np.random.default_rng(11)
+    angle = rng.uniform(-1.0, 1.0, (ROWS, 1, 1))
+    waves = np.cos(np.arange(40) * np.pi * (angle + 2.0) / 4.0) * 0.5 ** np.arange(40) * np.ones((1, 3, 1))
+    blocks, members = (block(0, 40, 0), block(1, 3, 40)), Members((0,), (5,))
+    responses = np.concatenate([waves, rng.standard_normal((ROWS, COMPONENTS, 3))], axis=2)
+    declared, residual = rng.standard_normal((ROWS, COMPONENTS, 5)), rng.standard_normal((ROWS, COMPONENTS))
+    pic = Picture.of(Vocabulary(blocks, (responses,)), residual, declared,
+                     normal_noise(np.ones((ROWS, COMPONENTS))))
+    columns, left = pic.rows
+    basis = pic.absorbed.basis
+    cleared, left = columns - basis @ (basis.T @ columns), left - basis @ (basis.T @ left)
+    b = cleared[:, :40] * (SCALES[5] * blocks[0].size)
+    taken = b @ np.linalg.solve(np.eye(40) + b.T @ b, b.T)
+    cross, onto = pic.factor(members)
+    assert 5 < len(cross) < 25
+    assert cross.T @ cross == pytest.approx(cleared.T @ taken @ cleared, abs=1e-7)
+    assert cross.T @ onto == pytest.approx(cleared.T @ taken @ left, abs=1e-7)
+
+
 def test_parameters_with_a_prior_are_integrated_out_and_pay_for_what_the_data_tell():
     rng = np.random.default_rng(8)
     blocks = (block(0, 2, 0), block(1, 1, 2))

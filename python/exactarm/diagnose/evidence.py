@@ -34,6 +34,7 @@ WEAKEST = 1e-7  # direction of the declared parameters beside the strongest, bel
 
 _MOST_PRODUCTS = 40  # of a block's columns with all others, kept: a few hundred MB at most
 _LONG, _ROUNDING = 2, 1e-12  # rows per column from which products stand for rows; of a Gram matrix
+_FAINT = 1e-9  # of the noise's variance: what varies by less changes no product by more than this share
 _IN_CACHE = 64  # columns that are whitened at once
 
 
@@ -212,13 +213,15 @@ class Picture:
         return np.concatenate(parts) if parts else np.zeros(0)
 
     def factor(self, members: Members) -> tuple[np.ndarray, np.ndarray]:
-        """L^-1 B'C (K, p) and L^-1 B'r (K,), with L L' = I + B'B."""
+        """F'C (k, p) and F'r (k,), F F' = B (I + B'B)^-1 B': what V^-1 takes off. Along the k eigenvectors of
+        B'B with a variance beyond `_FAINT` of the noise's: waves of a smooth function say much the same."""
         if not members.blocks:
             return np.zeros((0, self.columns.shape[1])), np.zeros(0)
         product, where, scale = self._products(members)
-        lower = cholesky(np.eye(len(scale)) + scale[:, None] * product[:, where] * scale)
-        inverse = linalg.solve_triangular(lower, np.diag(scale), lower=True, check_finite=False)
-        return inverse @ product, inverse @ self.onto[where]
+        values, vectors = np.linalg.eigh(scale[:, None] * product[:, where] * scale)
+        seen = values > _FAINT
+        turned = (vectors[:, seen] / np.sqrt(1.0 + values[seen])).T * scale
+        return turned @ product, turned @ self.onto[where]
 
     def _products(self, members: Members) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """C_B'V^-1 C (K, p), and of every column of B its place (K,) in C and its scale (K,)."""
