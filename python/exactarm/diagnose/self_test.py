@@ -26,7 +26,6 @@ from exactarm.numerics.log_sum import log_sum
 DRAWS = 400
 _PLANTED = 200
 _CAUSES = 20  # planted in turn: the ones that this design shows best
-# standard deviations by which a planted cause moves all rows together: less, and nobody names it
 _STRIP = 128  # columns, and blocks, worked on at once: what they need stays in the cache
 
 
