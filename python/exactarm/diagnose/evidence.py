@@ -27,7 +27,6 @@ from exactarm.diagnose.cross_validation import CrossValidation
 from exactarm.diagnose.decisions import ABSORBED, INVISIBLE
 from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES, Vocabulary
 from exactarm.numerics.factors import cholesky
-from exactarm.numerics.log_sum import log_sum
 from exactarm.numerics.orthonormal import orthonormal
 
 WEAKEST = 1e-7  # direction of the declared parameters beside the strongest, below which it absorbs nothing
@@ -321,7 +320,7 @@ class Picture:
         ratio = np.log(np.maximum(1.0 - np.minimum(gains, most) / most, 1e-12))
         log_bf = sided - price - 0.5 * self.count * ratio + np.log(SCALE_WEIGHTS)[:, None]
         best = np.argmax(log_bf, axis=0)
-        weight = log_sum(log_bf) + self.log_prior
+        weight = special.logsumexp(log_bf, axis=0) + self.log_prior
         weight[unseen] = -np.inf
         weight[list(self.closed)] = -np.inf
         return Additions(weight, best, gains[best, np.arange(shape[1])])
