@@ -1,14 +1,17 @@
-"""What a calibration says of coarse readings and of a length far from the robot file's."""
+"""What a calibration says of files that contradict each other, of coarse readings and of a length far from
+the robot file's."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import exactarm as ea
+from exactarm.commands.next_steps import HEADING
 from exactarm.data.dataset import read_dataset
+from exactarm.errors import InputError
 from exactarm.files.examples import data_path
-from exactarm.identify.calibrate import calibrate
-from exactarm.identify.calibration_doubts import FAR_FROM_DRAWING, far_from_drawing
+from exactarm.identify.calibration_doubts import FAR_FROM_DRAWING, contradicting, far_from_drawing
 from exactarm.identify.reach import reach
 from exactarm.robot_file import load_robot
 
@@ -25,7 +28,8 @@ def on_grid(values, step):
 
 
 def told(robot, data):
-    return [line for line in calibrate(robot, data).warnings if "rounded to" in line or "comes out" in line]
+    return [line for line in ea.calibrate(robot, data).warnings
+            if "rounded to" in line or "comes out" in line]
 
 
 def test_rounded_readings_are_told_with_their_step(ur10):
@@ -63,3 +67,56 @@ def test_how_far_a_length_may_be_off(ur10, share, count):
     joints = list(robot.joints)
     joints[1] = replace(joints[1], a=joints[1].a + share * FAR_FROM_DRAWING * reach(robot))
     assert len(list(far_from_drawing(robot, replace(robot, joints=tuple(joints))))) == count
+
+
+
+def two_arms():
+    """Touches of two arms at two tables, both of place 1, and touches of one of them alone."""
+    files = [data_path(f"ball_in_socket/panda_{number}.csv") for number in (6, 7)]
+    both = ea.read(files, "panda", fixture=data_path("ball_in_socket/fixture.toml"))
+    both = both.select(np.flatnonzero(both.session == 1)[::2])
+    return both, both.select(both.file_index == 0)
+
+
+@pytest.mark.slow
+def test_files_of_two_arms_that_are_refused_contradict_each_other():
+    both, alone = two_arms()
+    with pytest.raises(InputError, match="the 2 files contradict each other: .* of one number in two files "
+                                         ".*Of all together: robot and data do not match"):
+        ea.calibrate("panda", both)
+    assert ea.calibrate("panda", alone).report.tone == "good"
+
+
+def test_files_that_leave_much_together_contradict_each_other(ur10):
+    robot, data = ur10
+    files = np.arange(len(data)) % 2
+    q = data.joints["q"] + np.outer(files, [0.0, 0.0, 0.05, 0.0, -0.05, 0.0])
+    result = ea.calibrate(robot, replace(data, sources=2 * data.sources, file_index=files,
+                                            joints={"q": q}))
+    line = next(line for line in result.warnings if "contradict" in line)
+    assert line.startswith("the 2 files contradict each other: ") and "of one number in two files" in line
+    assert result.report.tone == "caution"
+    (said,) = (section for section in result.report.sections if getattr(section, "heading", "") == HEADING)
+    assert said.paragraphs[0].startswith("Look first at what the warnings name")
+
+
+@pytest.mark.parametrize("turned", [0.0, 0.05])
+def test_an_arm_that_was_mastered_anew_contradicts_itself(ur10, turned):
+    robot, data = ur10
+    data = data.select(np.arange(0, len(data), 2))
+    late = np.arange(len(data)) % 2 == 1
+    q = data.joints["q"] + np.outer(late, [0.0, 0.0, turned, 0.0, -turned, 0.0])
+    result = ea.calibrate(robot, replace(data, session=data.session + late, joints={"q": q}))
+    found = [line for line in result.warnings if "contradict" in line]
+    assert len(found) == bool(turned)
+    if turned:
+        assert found[0].startswith("the 2 sessions contradict each other: ")
+        assert "of one number" not in found[0]
+
+
+def test_nothing_is_calibrated_alone_where_little_is_left(ur10):
+    data = replace(ur10[1], session=np.arange(len(ur10[1])) % 2)
+    refused = lambda rows: pytest.fail("was asked for")
+    assert list(contradicting(data, 1e-3, 2e-3, refused)) == []
+    assert len(list(contradicting(data, 1e-1, 2e-3, lambda rows: 1e-3))) == 1
+    assert list(contradicting(data, 1e-1, 2e-3, lambda rows: 3e-3)) == []

@@ -42,6 +42,7 @@ from exactarm.effects.units_in_names import unit_of
 from exactarm.errors import InputError
 from exactarm.identify.calibrate import Calibration, CalibrationOptions
 from exactarm.identify.calibrate import calibrate as identify_geometry
+from exactarm.identify.calibration_doubts import doubts, with_contradiction
 from exactarm.identify.closure_scale import gravity_alone
 from exactarm.identify.closures import calibrate_closures
 from exactarm.identify.declared import geometry_layout
@@ -113,16 +114,22 @@ def calibrate(robot: AnyRobot, data: AnyData, *, use: Literal["auto", "position"
     progress.stage(CHECKING)
     rows, told = within_memory("calibrate", rows.kind, rows, progress)
     with suspicions(declared, rows) as found:
-        result = CALIBRATORS[rows.kind](declared, rows, options, progress.stage)
+        identify = CALIBRATORS[rows.kind]
+        of_rows = lambda some: identify(declared, some, options)
+        try:
+            result = identify(declared, rows, options, progress.stage)
+        except InputError as error:
+            raise with_contradiction(error, declared, rows, of_rows) from None
+        doubted = doubts(declared, result, of_rows)
     call = asked("calibrate", robot, rows, seed, given, {"use": "auto", "compliance": None, "robust": None})
     made = CommandResult(
         json=_json(result),
-        report=_report(declared, rows, result, rows.split_rule()),
+        report=_report(declared, rows, result, rows.split_rule(), bool(doubted)),
         robot=recorded(result.robot, call),
         tables={"residuals.csv": residual_table(result.data, result.identification, result.error_before,
                                                 result.residual_after)},
         inputs=files_among(fixture, sessions),
-        asked=call).warned([*told, *found, *_unknown_payloads(rows, result)])
+        asked=call).warned([*told, *found, *doubted, *_unknown_payloads(rows, result)])
     made = with_payload_section(made, result.payloads, "One stiffness for all sessions.")
     return with_load_section(made, declared, rows)
 
@@ -233,7 +240,7 @@ def _unit(result: Calibration) -> str:
     return "rad" if result.data.contacts and gravity_alone(result.data) else "m"
 
 
-def _report(robot: Robot, data: Dataset, result: Calibration, rule: str) -> Report:
+def _report(robot: Robot, data: Dataset, result: Calibration, rule: str, doubted: bool) -> Report:
     unit = _unit(result)
     judge = "validation" if result.after["validation"].n else "identification"
     before, after = result.before[judge], result.after[judge]
@@ -255,7 +262,8 @@ def _report(robot: Robot, data: Dataset, result: Calibration, rule: str) -> Repo
     note += _held_springs(robot, result)
     sections = (
         highlights(result.before, result.after, unit),
-        next_steps(robot, kind_of(data.kind), before.mean, after.mean, after.rms > WORSE * before.rms),
+        next_steps(robot, kind_of(data.kind), before.mean, after.mean, after.rms > WORSE * before.rms,
+                   doubted),
         error_table(result.before, result.after, unit, what.capitalize(), note), *known,
         *error_figures(result.error_before, result.error_after, result.identification, unit, what, row),
         *_placement_table(result), *_parameter_sections(robot, result),

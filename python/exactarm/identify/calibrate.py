@@ -20,7 +20,6 @@ from exactarm.data.kinds import POSES, kind_of
 from exactarm.data.split import DEFAULT_SEED, pose_groups
 from exactarm.effects.parameter_id import Group, ParameterId
 from exactarm.errors import InputError
-from exactarm.identify.calibration_doubts import far_from_drawing, left_over
 from exactarm.identify.compliance import compliance_layout
 from exactarm.identify.declared import (
     all_effects,
@@ -165,9 +164,7 @@ def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = Calibra
                        before={k: summarise(error_before[mask]) for k, mask in parts.items()},
                        after={k: summarise(error_after[mask]) for k, mask in parts.items()},
                        identifiability=identifiability, orientation=orientation,
-                       warnings=(*_warnings(fit, train, found), *wild,
-                                 *far_from_drawing(declared, new),
-                                 *left_over(robot, data, float(np.sqrt(np.mean(error_after[~apart] ** 2))))),
+                       warnings=(*_warnings(fit, train, found), *wild),
                        drawn=fit.drawn,
                        payloads=session_payloads(data, fit.layout, fit.fit.interval()))
 

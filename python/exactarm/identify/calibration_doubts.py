@@ -1,17 +1,22 @@
-"""What a calibration shows of its data and its robot file that no arm does: more left over than arms miss by,
-readings that are rounded as coarsely, a length far from the file's.
+"""What a calibration shows of its data and its robot file that no arm does: files that contradict each other,
+more left over than arms miss by, readings that are rounded as coarsely, a length far from the file's.
 
     rounding to a step s leaves s / sqrt(12); of an angle: times the lever of its axis
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from exactarm.data.dataset import Dataset
+from exactarm.errors import ComputationError, InputError
+from exactarm.identify.calibrate import Calibration
 from exactarm.identify.reach import reach
+from exactarm.identify.wild_rows import MOST_SINGLE, wild_rows
 from exactarm.numerics.signals import step_of_quantisation
 from exactarm.robot.robot import Robot
+
+Calibrated = Callable[[Dataset], Calibration]
 
 # Of the reach, after calibration: arms miss by 0.001 to 0.003 of it before, by a tenth of that after.
 MOST_LEFT = 0.004
@@ -21,17 +26,65 @@ LEAST_ROUNDED_M = 2e-4  # what is left by trackers and controllers as they are
 FAR_FROM_DRAWING = 0.02  # of the reach: ten times what arms miss by
 
 
-def left_over(robot: Robot, data: Dataset, left_m: float) -> Iterator[str]:
-    """Data that no arm gives: columns or rows that do not belong together, whichever they are; or readings
-    that were rounded."""
-    if left_m > MOST_LEFT * reach(robot):
+def doubts(declared: Robot, result: Calibration, calibrated: Calibrated) -> tuple[str, ...]:
+    """One line each. calibrated: the same calibration of some of the rows."""
+    data, reached = result.data, reach(result.robot)
+    left = _left_m(result)
+    told = list(contradicting(data, left, MOST_LEFT * reached, lambda rows: _left_m(calibrated(rows))))
+    if not data.contacts:
+        told = [*(told or much_left(left, reached)), *rounded(result.robot, data, left)]
+    return (*told, *far_from_drawing(declared, result.robot))
+
+
+def with_contradiction(error: InputError, robot: Robot, data: Dataset, calibrated: Calibrated) -> InputError:
+    """The refusal of all rows, with the reason where each file alone is none to refuse."""
+    most = MOST_LEFT * reach(robot)
+    for line in contradicting(data, np.inf, most, lambda rows: _left_m(calibrated(rows))):
+        return InputError(f"{line}. Of all together: {error.message}", file=error.file)
+    return error
+
+
+def _left_m(result: Calibration) -> float:
+    """RMS of what is left, m, a few wild rows aside."""
+    error = result.error_after[np.isfinite(result.error_after)]
+    wild = wild_rows(error)
+    return float(np.sqrt(np.mean(error[~wild if wild.mean() <= MOST_SINGLE else ...] ** 2)))
+
+
+def contradicting(data: Dataset, left_m: float, most_m: float,
+                  left_alone: Callable[[Dataset], float]) -> Iterator[str]:
+    """Files, or sessions of one file, that together leave more than an arm misses by (`most_m`), while none
+    of them does alone. left_alone: rows -> what their own calibration leaves, m."""
+    files = len(np.unique(data.file_index)) > 1
+    groups = data.file_index if files else data.session
+    numbers = np.unique(groups)
+    if left_m <= most_m or len(numbers) < 2:
+        return
+    try:
+        alone = max(left_alone(data.select(groups == number)) for number in numbers)
+    except (InputError, ComputationError):  # too few rows to tell what the arm is by them alone
+        return
+    if alone <= most_m:
+        what = "files" if files else "sessions"
+        pairs = np.unique(np.stack([data.file_index, data.session]), axis=1)
+        same = "do sessions of one number in two files mean two set-ups, " if (
+            pairs.shape[1] > len(np.unique(data.session))) else ""
+        together = f", {1e3 * left_m:.2g} mm of all together" if np.isfinite(left_m) else ""
+        yield (f"the {len(numbers)} {what} contradict each other: at most {1e3 * alone:.2g} mm (RMS) are "
+               f"left after a calibration of each alone{together}; {same}are they of different arms, or was "
+               "the arm mastered anew, repaired or hit in between? Calibrate each alone")
+
+
+def much_left(left_m: float, reach_m: float) -> Iterator[str]:
+    """Data that no arm gives: columns or rows that do not belong together, whichever they are."""
+    if left_m > MOST_LEFT * reach_m:
         yield (f"{1e3 * left_m:.2g} mm (RMS) are left after calibration, more than an arm that reaches "
-               f"{reach(robot):.2g} m misses by: are rows, columns or files mixed up, angles rounded, a "
+               f"{reach_m:.2g} m misses by: are rows, columns or files mixed up, angles rounded, a "
                "column not measured, or is the device as coarse?")
-    yield from _rounded(robot, data, left_m)
 
 
-def _rounded(robot: Robot, data: Dataset, left_m: float) -> Iterator[str]:
+def rounded(robot: Robot, data: Dataset, left_m: float) -> Iterator[str]:
+    """Readings on a grid that alone leaves about as much."""
     if len(data) < FEWEST_ROWS or left_m < LEAST_ROUNDED_M or data.position is None:
         return
     steps = np.array([step_of_quantisation(column) for column in data.position.T])

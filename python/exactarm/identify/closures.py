@@ -19,7 +19,6 @@ from exactarm.data.fixture import Fixture
 from exactarm.effects.base import Station
 from exactarm.errors import InputError
 from exactarm.identify.calibrate import GEOMETRY, JUDGING, Calibration, CalibrationOptions, calibrated_robot
-from exactarm.identify.calibration_doubts import far_from_drawing
 from exactarm.identify.closure_fit import ClosureFit, Pulls, fit_closures
 from exactarm.identify.closure_scale import gravity_alone, longest_length, scale_is_known, with_held_in_doubt
 from exactarm.identify.compliance import compliance_layout
@@ -111,7 +110,7 @@ def calibrate_closures(robot: Robot, data: Dataset, options: CalibrationOptions 
                        orientation=fit.prediction.used.shape[1] == 6,
                        beside_before=beside(declared.nominal, before),
                        beside_after=beside(fit, after),
-                       warnings=(*_warnings(robot, declared, train), *far_from_drawing(drawn, new),
+                       warnings=(*_warnings(robot, declared, train),
                                  *length_doubts(fit, train, declared.pulls, options.threads),
                                  *gross_corner_warning(data), *unjudged_lines(rows),
                                  *partner_warnings(fit, train, declared.pulls, options.threads)))
