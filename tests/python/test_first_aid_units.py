@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import exactarm as ea
 from exactarm.first_aid.clock_drift import lags
 from exactarm.first_aid.first_aid import first_aid
-from exactarm.identify.calibrate import calibrate
 from exactarm.identify.evaluate import evaluate_poses
 from exactarm.identify.match import Mismatch
 from exactarm.robot_file import load_robot
@@ -200,7 +200,7 @@ def test_a_joint_angle_and_a_turn_more_are_the_same(ur10, change):  # noqa: F811
 def test_what_no_candidate_explains_is_said_after_the_calibration(ur10):  # noqa: F811
     robot, data = ur10
     data = data.select(np.arange(0, len(data), 10))
-    told = lambda d: [line for line in calibrate(robot, d).warnings if "are left after calibration" in line]
+    told = lambda d: [x for x in ea.calibrate(robot, d).warnings if "are left after calibration" in x]
     assert told(data) == [] and len(told(column(data, "q", lambda q: np.round(q, 1)))) == 1
 
 

@@ -13,6 +13,7 @@ from exactarm.first_aid.first_aid import first_aid
 from exactarm.first_aid.load_mistakes import load_mistakes
 from exactarm.identify.compliance import compliance_layout
 from exactarm.identify.loads import guess_line, kept_masses, load_json, load_lines, with_loads
+from exactarm.identify.rest_torque import as_drives_hold
 from exactarm.robot.generic_masses import with_generic_masses
 from three_arms import puma
 
@@ -99,11 +100,23 @@ def test_springs_are_estimated_by_themselves_only_under_a_load_that_is_known():
 
 @pytest.mark.parametrize("robot", [puma(), BARE], ids=["declared", "generic"])
 @pytest.mark.parametrize("factor, says", [
-    (1.0, None), (-1.0, "against gravity"), (1000.0, "times as much"), (1e-3, "times as much"),
+    (1.0, None), (-1.0, None), (1000.0, "times as much"), (1e-3, "times as much"),
 ])
 def test_implausible_torques_are_said_and_good_ones_are_not(robot, factor, says):
     found = [each.text for each in load_mistakes(robot, with_torques(factor, noise=abs(factor)))]
     assert (found == []) if says is None else (len(found) == 1 and says in found[0])
+
+
+@pytest.mark.parametrize("robot", [puma(), BARE], ids=["declared", "generic"])
+def test_torques_of_a_sensor_that_shows_the_load_are_taken_with_the_other_sign(robot):
+    """Of either sign they are the same load; a second time nothing is turned."""
+    held, shown = with_torques(1.0, noise=1.0), with_torques(-1.0, noise=1.0)
+    assert as_drives_hold(robot, held) is held
+    turned = as_drives_hold(robot, shown)
+    np.testing.assert_array_equal(turned.joints["tau"], -shown.joints["tau"])
+    (note,) = turned.notes
+    assert "run against gravity (correlation -0.9" in note and "the opposite sign" in note
+    assert as_drives_hold(robot, turned) is turned
 
 
 def test_a_current_without_a_constant_is_said():

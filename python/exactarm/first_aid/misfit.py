@@ -58,7 +58,8 @@ def falls_of(now: Misfit, data: Dataset, tried: Sequence[tuple[Robot, Layout, Da
            least: float = 1.0 / NOT_WORSE) -> list[float]:
     """Of every arm, its effects, and rows in place of those of `data`: 0 where positions gain less than
     `least` times, or nothing else gains, or an arm at rest leaves as much. What no frames can explain is not
-    looked at any closer."""
+    looked at any closer. Of shrunk points an error counts as at their own size: where few axes move, the tool
+    takes up any size, and the error shrinks with it."""
     points, rotations = flanges(tried)
     measured = np.stack([changed.position for *_, changed in tried])
     left = least_rms(points, rotations, measured, data.session)
@@ -66,8 +67,19 @@ def falls_of(now: Misfit, data: Dataset, tried: Sequence[tuple[Robot, Layout, Da
     for k in np.flatnonzero(~(left > ROUNDED * now.position / least)):
         changed = tried[k][2]
         misfit, _ = misfit_of(points[k], rotations[k], changed, changed.session, most)
-        falls[k] = now.fall_to(misfit) if FALL * misfit.position < left_standing(changed) else 0.0
+        shown = replace(misfit, position=misfit.position / min(times_as_wide(changed, data), 1.0))
+        falls[k] = now.fall_to(shown) if FALL * misfit.position < left_standing(changed) else 0.0
     return falls
+
+
+def times_as_wide(changed: Dataset, data: Dataset) -> float:
+    """How many times as far apart as in `data` the points lie."""
+    if changed.position is data.position:
+        return 1.0
+    wide = [sum(np.sum((part - part.mean(axis=0)) ** 2) for part in
+                (each.position[each.session == number] for number in np.unique(each.session)))
+            for each in (changed, data)]
+    return float(np.sqrt(wide[0] / max(wide[1], 1e-300)))
 
 
 def least_rms(points: np.ndarray, rotations: np.ndarray, measured: np.ndarray,

@@ -133,7 +133,7 @@ def _another_size(bare: Robot, carried: Layout, data: Dataset, size: float, now:
         return
     changed = replace(data, position=data.position / size)
     left = max(rms_searched(bare, carried, changed, seed), 1e-12)
-    fall = now.position / left
+    fall = now.position / left * min(1.0 / size, 1.0)  # as `falls_of` counts it
     if fall >= FALL and FALL * left < left_standing(changed):
         yield Suspicion(f"the file of an arm {1.0 / size:.3g} times as large as the measured one (or lengths "
                         f"of the device {size:.3g} times too large)", fall)

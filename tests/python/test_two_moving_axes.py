@@ -1,0 +1,64 @@
+"""A seven-axis arm of which two axes move over a grid, and the others stand: its sag is named, with its size,
+and nothing is suspected."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import exactarm as ea
+from exactarm import _core
+from exactarm.data.dataset import Dataset
+from exactarm.effects.joint_compliance import RelativeCompliance
+from exactarm.first_aid.first_aid import first_aid
+from exactarm.robot.generic_masses import with_generic_masses
+from exactarm.robot_file import load_robot
+
+SAG, NOISE_M = 80e-6, 2e-4  # rad/Nm of axis 2
+ARM = replace(load_robot("panda"), links=None)
+
+
+def grid(torque_sign=None):
+    """Axis 2 sags under the weight of links 1.5 times as heavy as the generic law has them."""
+    rng = np.random.default_rng(2)
+    q = np.zeros((72, 7))
+    q[:, 0] = np.repeat(np.linspace(-2.6, 2.6, 9), 8)
+    q[:, 1] = np.tile(np.linspace(-1.5, 1.5, 8), 9)
+    q[:, 2:] = rng.normal(0.0, 5e-5, (72, 5))
+    load = 1.5 * _core.gravity_torque(with_generic_masses(ARM).core, q, 1)
+    bent = q.copy()
+    bent[:, 1] -= SAG * load[:, 1]
+    measured = ARM.fk(bent).position + rng.normal(0.0, NOISE_M, (72, 3))
+    torques = {} if torque_sign is None else {"tau": torque_sign * load + rng.normal(0.0, 0.05, load.shape)}
+    return Dataset.of_arrays("poses", {"q": q} | torques, position=measured)
+
+
+def compliance(result):
+    found = {(effect["effect"], effect["joint"]): effect for effect in result["effects"]}
+    assert list(found) == [("joint_compliance", 2)]
+    return {name: value["value"] if isinstance(value, dict) else value
+            for name, value in found["joint_compliance", 2]["parameters"].items()}
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-3])
+def test_no_scale_is_suspected(noise):
+    """Where axes 3 to 7 stand the tool takes up any size of the arm, and the error shrinks with it."""
+    data = grid()
+    far = data.position + np.random.default_rng(1).normal(0.0, noise, data.position.shape)
+    assert first_aid(ARM, replace(data, position=far)) == ()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sign", [1.0, -1.0], ids=["of the drive", "of the load"])
+def test_the_sag_has_its_size_by_the_measured_torque_of_either_sign(sign):
+    result = ea.diagnose(ARM, grid(sign), threads=1)
+    assert compliance(result)["linear_rad_per_Nm"] == pytest.approx(SAG, rel=0.1)
+    assert any("opposite sign" in line for line in result.warnings) == (sign < 0.0)
+
+
+def test_the_weight_at_the_flange_is_drawn_to_a_share_of_the_arm_s():
+    """Of axis 2 alone its torque and that of the links are one: 5 and -10 mrad/Nm were found on an arm."""
+    nothing = RelativeCompliance.none_of(ARM, 1, own_free=True)
+    assert np.isinf([p.prior for p in nothing.parameters()]).all()
+    about = [p.prior for p in nothing.with_values((4e-5, 1e-4, 0.0)).parameters()]
+    np.testing.assert_allclose(about, [np.inf, 12e-5, 4e-5])
