@@ -121,6 +121,14 @@ class View:
         return self.data.way * turned
 
     @property
+    def move(self) -> np.ndarray:
+        """(N, n) rad, m: how far each axis has come since the row before, output side; 0 where it is not
+        known, or poses were approached otherwise."""
+        if self.is_series or "approach" in self.data.joints or self.data.step is None:
+            return np.zeros((self.rows, self.axes))
+        return self.data.step / (1.0 if "q" in self.data.joints else self.robot.controller_ratios)
+
+    @property
     def sign_width(self) -> np.ndarray:
         """(n,) rad/s, output side: within it dry friction turns over."""
         return np.full(self.axes, SIGN_WIDTH_RAD_S)

@@ -23,9 +23,9 @@ def test_a_command_is_measured_as_the_system_accounts_for_it():
 
 
 @pytest.mark.slow
-def test_a_command_that_fails_ends_the_measurement():
+def test_a_command_that_fails_ends_the_measurement(tmp_path):
     with pytest.raises(SystemExit, match="ended with 2"):
-        diagnosis_time.run(TOP, ["diagnose", "no such robot", "nothing.csv", "--out", "nowhere"])
+        diagnosis_time.run(TOP, ["diagnose", "no such robot", "nothing.csv", "--out", str(tmp_path / "out")])
 
 
 def test_ratio_is_of_the_other_checkout_to_this_one():

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
-from exactarm.chain import Layout
+from central_difference import assert_derivative
+from exactarm.chain import Layout, predict_poses
 from exactarm.data.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects import effect_from_table
 from exactarm.effects.hysteresis import Hysteresis
+from exactarm.effects.settling import Settling
 from exactarm.robot_file import load_robot
 from exactarm.view import View
 from set_ups import joints_in_limits, measured, true_robot
@@ -52,3 +54,42 @@ def test_approach_columns_are_believed():
     beside = View(robot, Dataset.of_arrays("poses", {"q": wide(q), "approach": wide(told)}), "poses")
     assert without.way[:, 0].tolist() == [0.0, 1.0, -1.0] and not without.direction.any()
     assert beside.way[:, 0].tolist() == told[:, 0].tolist()
+
+
+SHARE = 4e-4
+
+
+def test_a_move_is_that_of_the_rows_as_they_were_measured():
+    q = np.array([[0.0], [0.5], [0.5], [0.2], [1.0], [0.3]])
+    data = Dataset.of_arrays("poses", {"q": q}, session=np.array([1, 1, 1, 1, 2, 2]))
+    np.testing.assert_allclose(data.step[:, 0], [0.0, 0.5, 0.0, -0.3, 0.0, -0.7])
+    np.testing.assert_allclose(data.select(np.array([3, 5])).step[:, 0], [-0.3, -0.7])
+    robot = load_robot("kr300")
+    theta = np.linspace(0.0, 1.0, 4)[:, None] * robot.controller_ratios
+    moved = View(robot, Dataset.of_arrays("poses", {"theta": theta}), "poses").move
+    np.testing.assert_allclose(moved[1:], 1.0 / 3.0)
+    told = Dataset.of_arrays("poses", {"theta": theta, "approach": np.ones((4, robot.axes))})
+    assert not View(robot, told, "poses").move.any()
+
+
+def test_the_derivative_of_settling():
+    robot, data = poses(1, ())
+    layout = Layout.of((Settling(2, (SHARE,)), Settling(5, (-SHARE,))))
+    analytic = predict_poses(robot, layout, data).jacobian[:, :3]
+    at = lambda x: predict_poses(robot, layout.at(x), data, tangents=False).position
+    assert_derivative(at, layout.values, analytic, 1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("share", [SHARE, -SHARE])
+def test_poses_that_were_read_before_the_arm_stood_still_are_told_from_lag(share):
+    """On a real arm of 209 poses a way of the logged angles passed for a lag of negative size."""
+    robot, data = poses(8, (Settling(2, (share,)),))
+    result = diagnose(robot, data)
+    (found,) = result.findings
+    assert (found.effect.name, found.effect.joint, result.verdict) == ("settling", 2, "explained")
+    low, high = found.intervals[0]
+    assert low < share < high
+    assert ("still to go" in found.effect.describe()) == (share > 0.0)
+    assert ("log them when it stands" in found.effect.caveat(None)) == (share < 0.0)
+    assert effect_from_table(found.effect.to_table()) == found.effect

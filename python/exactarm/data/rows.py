@@ -82,6 +82,7 @@ class Rows(Value):
     notes           what reading decided that a user should know, a sentence each
     way (N, n)      -1, 0, +1: how each angle would last have moved had every pose been reached straight from
                     the row before; 0 in the first row of a set-up
+    step (N, n)     how far each angle has come since the row before, as measured; 0 in the first row
     file_index, row (N,) where each row came from: index into `sources`, row from 1
     """
 
@@ -115,6 +116,7 @@ class Rows(Value):
     sources: tuple[Source, ...] = ()
     unweighed: tuple[int, ...] = ()
     way: np.ndarray | None = None
+    step: np.ndarray | None = None
     notes: tuple[str, ...] = ()
 
     @classmethod
@@ -128,7 +130,7 @@ class Rows(Value):
         return cls(kind, (kind,), axes, joints, **(defaults | arrays)).with_way()
 
     def with_way(self) -> Self:
-        """With `way` by the order of the rows as they are now: before any are taken out."""
+        """With `way` and `step` by the order of the rows as they are now: before any are taken out."""
         angle = self.joints.get("q", self.joints.get("theta"))
         if angle is None or not len(self):
             return self
@@ -141,7 +143,7 @@ class Rows(Value):
         last = np.maximum.accumulate(np.where(moved, place[:, None], -1), axis=0)
         known = last >= begin[:, None]
         sign = np.sign(np.take_along_axis(step, np.maximum(last, 0), axis=0))
-        return replace(self, way=np.where(known, sign, 0.0))
+        return replace(self, way=np.where(known, sign, 0.0), step=np.where(first[:, None], 0.0, step))
 
     def __len__(self) -> int:
         return len(self.row)
