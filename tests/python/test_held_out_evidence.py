@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from exactarm.diagnose.dossier import Dossier, Follows
 from exactarm.diagnose.held_out_evidence import (
     AGAINST,
     allowed,
@@ -13,6 +14,7 @@ from exactarm.diagnose.held_out_evidence import (
     log_density,
     with_held_out,
 )
+from exactarm.diagnose.signal import ANGLE, LOAD, TIME, TWO_ANGLES, Signal, turn_of
 from exactarm.diagnose.verdict import (
     EXPLAINED,
     NOTHING,
@@ -97,7 +99,26 @@ def test_without_a_name_nothing_is_missing_unless_the_posterior_excludes_it(noth
     causes = SimpleNamespace(probability_something_else=0.0, places=(), probability_nothing=nothing,
                              noise=normal_noise(np.ones((4, 3))))
     after = {"validation": summarise(np.ones(4))}
-    assert verdict_of_causes(causes, after, SimpleNamespace(measured=False, value=1.0), 1.0) == verdict
+    assert verdict_of_causes(causes, after, SimpleNamespace(measured=False, value=1.0), 1.0, False) == verdict
+
+
+@pytest.mark.parametrize("structure, verdict", [(False, EXPLAINED), (True, UNEXPLAINED)])
+def test_what_follows_the_posture_after_all_causes_is_not_explained(structure, verdict):
+    causes = SimpleNamespace(probability_something_else=0.03, places=(None,), probability_nothing=0.0,
+                             noise=normal_noise(np.ones((4, 3))))
+    after = {"validation": summarise(np.ones(4))}
+    floor = SimpleNamespace(measured=False, value=1.0)
+    assert verdict_of_causes(causes, after, floor, 1.0, structure) == verdict
+
+
+def test_a_structure_of_the_posture_is_told_from_one_of_time():
+    """What wanders from row to row is noise that they share; where the arm stands comes again."""
+    follows = lambda signal, p: Follows(signal, turn_of(2), 0.3, p)
+    in_time = follows(Signal(TIME), 1e-9), follows(Signal("temperature_degC"), 1e-9)
+    assert Dossier(in_time, 0.9).structure and not Dossier(in_time, 0.9).of_posture
+    for signal in (Signal(ANGLE, 2), Signal(LOAD, 3), Signal(TWO_ANGLES)):
+        assert Dossier((*in_time, follows(signal, 1e-9)), 0.9).of_posture
+        assert not Dossier((*in_time, follows(signal, 2e-4)), 0.9).of_posture
 
 
 def test_nothing_held_out_says_nothing():

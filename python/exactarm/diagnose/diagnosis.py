@@ -199,7 +199,7 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
         verdict = verdict_by_rules(problem, before, after, noise, left, bool(findings), spread, excess,
                                    problem.share_of_measured(last))
     else:
-        verdict = verdict_of_causes(causes, after, noise, excess)
+        verdict = verdict_of_causes(causes, after, noise, excess, left.of_posture)
     beyond = None
     if verdict != UNEXPLAINED and problem.unknown_rivals:
         beyond = supported_axes(problem, last)

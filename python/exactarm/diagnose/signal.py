@@ -34,6 +34,11 @@ class Signal:
         return self.quantity in (ANGLE, TRAVEL)
 
     @property
+    def of_posture(self) -> bool:
+        """What comes again with the arm's pose, whenever it is measured."""
+        return self.places_axis or self.quantity in (LOAD, TWO_ANGLES, POSITION, PLACE)
+
+    @property
     def of_time(self) -> bool:
         return self.quantity in (TIME, ORDER)
 

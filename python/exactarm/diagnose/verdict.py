@@ -41,8 +41,9 @@ _SHARE_STRAY = 0.25
 _MUCH_LEFT = 0.5
 
 
-def verdict_of_causes(causes: Causes, after, noise: NoiseFloor, excess: float) -> str:
-    """From the posterior; held-out rows and repeated visits may only object."""
+def verdict_of_causes(causes: Causes, after, noise: NoiseFloor, excess: float, structure: bool) -> str:
+    """From the posterior; held-out rows, repeated visits and a structure that is left beyond chance may only
+    object."""
     judged = "validation" if after["validation"].n else "identification"
     far = noise.measured and after[judged].rms > _FAR_ABOVE_NOISE * noise.value
     if causes.probability_something_else >= NAMED_AT or not_noise(causes.noise):
@@ -50,7 +51,7 @@ def verdict_of_causes(causes: Causes, after, noise: NoiseFloor, excess: float) -
     if carries_badly(excess) or far:
         return UNEXPLAINED
     if causes.places:
-        return EXPLAINED
+        return UNEXPLAINED if structure else EXPLAINED
     return NOTHING if causes.probability_nothing >= _NOT_NOTHING else UNEXPLAINED
 
 

@@ -27,12 +27,13 @@ class Settling(Effect):
 
     name = "settling"
     plain = "readings before the arm stood still"
+    in_axis_units = True
     station = Station.SPRING
     kinds = (POSES.name,)
     source = "ISO 9283:1998, 7.4 (position stabilisation time)"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("share", 2e-4, -_LARGEST, _LARGEST),)
+        return (Parameter("share_rad_per_rad", 2e-4, -_LARGEST, _LARGEST),)
 
     def describe(self) -> str:
         share = self.values[0]
