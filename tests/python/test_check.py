@@ -329,7 +329,7 @@ def test_one_file_with_a_column_day_is_as_many_days(files):
         },
         joints={"theta": np.concatenate([part.joints["theta"] for part in parts])},
         sources=(),
-        way=None,  # of the first part alone
+        way=None, step=None,  # of the first part alone
     )
     joined = replace(joined, covariates={"day": np.repeat(np.arange(1.0, 7.0), 5)})
     one = ea.check(arm, ea.read(files / "before.csv", arm), joined)
