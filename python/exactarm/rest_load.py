@@ -22,6 +22,7 @@ from exactarm.data.kinds import kind_of
 from exactarm.robot.generic_masses import first_moments
 from exactarm.robot.robot import Link, Robot
 
+TORQUES = ("tau", "tau_motor", "current")  # columns that tell a drive's torque, the first that is there
 TIP_SHARE = 0.1  # of the arm's mass, at the flange: the shape by which a generic distribution may be wrong
 Body = tuple[_core.Robot, np.ndarray]  # a massive arm, and how much of it (N,) each row carries
 
@@ -162,7 +163,7 @@ def declared_constants(robot: Robot, otherwise: float = np.nan) -> np.ndarray:
 def drive_torque(robot: Robot, data: Dataset, constants: np.ndarray) -> np.ndarray:
     """(N, n) output-side torque in Nm as the drives tell it, NaN where none; constants (n,): Nm/A."""
     torque, ratios = np.full((len(data), robot.axes), np.nan), robot.controller_ratios
-    for name, factor in (("tau", 1.0), ("tau_motor", ratios), ("current", ratios * constants)):
+    for name, factor in zip(TORQUES, (1.0, ratios, ratios * constants)):
         if name in data.joints:
             torque = np.where(np.isnan(torque), data.joints[name] * factor, torque)
     return torque

@@ -57,7 +57,7 @@ def test_the_sag_has_its_size_by_the_measured_torque_of_either_sign(sign):
 
 
 def test_the_weight_at_the_flange_is_drawn_to_a_share_of_the_arm_s():
-    """Of axis 2 alone its torque and that of the links are one: 5 and -10 mrad/Nm were found on an arm."""
+    """Of axis 2 alone its torque and that of the links are one: freely, the two sizes cancel each other."""
     nothing = RelativeCompliance.none_of(ARM, 1, own_free=True)
     assert np.isinf([p.prior for p in nothing.parameters()]).all()
     about = [p.prior for p in nothing.with_values((4e-5, 1e-4, 0.0)).parameters()]

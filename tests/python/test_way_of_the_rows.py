@@ -83,7 +83,7 @@ def test_the_derivative_of_settling():
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [SHARE, -SHARE])
 def test_poses_that_were_read_before_the_arm_stood_still_are_told_from_lag(share):
-    """On a real arm of 209 poses a way of the logged angles passed for a lag of negative size."""
+    """Without it, angles that were logged too early passed for a lag of negative size."""
     robot, data = poses(8, (Settling(2, (share,)),))
     result = diagnose(robot, data)
     (found,) = result.findings

@@ -30,6 +30,7 @@ from exactarm.first_aid.misfit import (
     least_rms,
     misfit_of,
     rms_searched,
+    times_as_wide,
 )
 from exactarm.first_aid.orientation_mistakes import orientation_mistakes
 from exactarm.first_aid.pose_candidates import (
@@ -133,7 +134,7 @@ def _another_size(bare: Robot, carried: Layout, data: Dataset, size: float, now:
         return
     changed = replace(data, position=data.position / size)
     left = max(rms_searched(bare, carried, changed, seed), 1e-12)
-    fall = now.position / left * min(1.0 / size, 1.0)  # as `falls_of` counts it
+    fall = now.position / left * min(times_as_wide(changed, data), 1.0)  # as in `falls_of`
     if fall >= FALL and FALL * left < left_standing(changed):
         yield Suspicion(f"the file of an arm {1.0 / size:.3g} times as large as the measured one (or lengths "
                         f"of the device {size:.3g} times too large)", fall)

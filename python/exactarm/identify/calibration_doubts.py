@@ -51,6 +51,11 @@ def _left_m(result: Calibration) -> float:
     return float(np.sqrt(np.mean(error[~wild if wild.mean() <= MOST_SINGLE else ...] ** 2)))
 
 
+def _mm(length_m: float) -> str:
+    """Two digits, and no power of ten."""
+    return f"{float(f'{1e3 * length_m:.2g}'):g} mm"
+
+
 def contradicting(data: Dataset, left_m: float, most_m: float,
                   left_alone: Callable[[Dataset], float]) -> Iterator[str]:
     """Files, or sessions of one file, that together leave more than an arm misses by (`most_m`), while none
@@ -69,16 +74,16 @@ def contradicting(data: Dataset, left_m: float, most_m: float,
         pairs = np.unique(np.stack([data.file_index, data.session]), axis=1)
         same = "do sessions of one number in two files mean two set-ups, " if (
             pairs.shape[1] > len(np.unique(data.session))) else ""
-        together = f", {1e3 * left_m:.2g} mm of all together" if np.isfinite(left_m) else ""
-        yield (f"the {len(numbers)} {what} contradict each other: at most {1e3 * alone:.2g} mm (RMS) are "
-               f"left after a calibration of each alone{together}; {same}are they of different arms, or was "
-               "the arm mastered anew, repaired or hit in between? Calibrate each alone")
+        together = f", {_mm(left_m)} of all together" if np.isfinite(left_m) else ""
+        yield (f"the {len(numbers)} {what} contradict each other: at most {_mm(alone)} (RMS) are left "
+               f"after a calibration of each alone{together}; {same}are they of different arms, or was the "
+               "arm mastered anew, repaired or hit in between? Calibrate each alone")
 
 
 def much_left(left_m: float, reach_m: float) -> Iterator[str]:
     """Data that no arm gives: columns or rows that do not belong together, whichever they are."""
     if left_m > MOST_LEFT * reach_m:
-        yield (f"{1e3 * left_m:.2g} mm (RMS) are left after calibration, more than an arm that reaches "
+        yield (f"{_mm(left_m)} (RMS) are left after calibration, more than an arm that reaches "
                f"{reach_m:.2g} m misses by: are rows, columns or files mixed up, angles rounded, a "
                "column not measured, or is the device as coarse?")
 

@@ -11,12 +11,11 @@ import numpy as np
 
 from exactarm.data.dataset import Dataset
 from exactarm.identify.loads import joint_angles
-from exactarm.rest_load import RestLoad
+from exactarm.rest_load import TORQUES, RestLoad
 from exactarm.robot.generic_masses import with_generic_masses
 from exactarm.robot.robot import Robot
 
 AGAINST = -0.5  # correlation with gravity, from which on a sign is another: friction and noise make none
-_TORQUES = ("tau", "tau_motor", "current")
 
 
 def beside_gravity(robot: Robot, data: Dataset) -> tuple[float, float] | None:
@@ -38,7 +37,7 @@ def beside_gravity(robot: Robot, data: Dataset) -> tuple[float, float] | None:
 
 def as_drives_hold(robot: Robot, data: Dataset) -> Dataset:
     """The data with torques at rest as those of drives, which hold the load."""
-    if not robot.has_geometry or not any(name in data.joints for name in _TORQUES):
+    if not robot.has_geometry or not any(name in data.joints for name in TORQUES):
         return data
     found = beside_gravity(with_generic_masses(robot), data)
     if found is None or found[0] >= AGAINST:
@@ -46,5 +45,5 @@ def as_drives_hold(robot: Robot, data: Dataset) -> Dataset:
     note = (f"the torques measured at rest run against gravity (correlation {found[0]:.2f}): they are taken "
             "with the opposite sign, as of a sensor that shows the load; if the arm is mounted otherwise, "
             "gravity_m_s2 of its file says how")
-    turned = {name: -values if name in _TORQUES else values for name, values in data.joints.items()}
+    turned = {name: -values if name in TORQUES else values for name, values in data.joints.items()}
     return replace(data, joints=turned, notes=(*data.notes, note))
