@@ -10,6 +10,7 @@ import pytest
 
 from exactarm import cli
 from exactarm.data.dataset import write_dataset
+from exactarm.data.split import DEFAULT_SEED
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.dictionary import forms_of, is_series
 from exactarm.diagnose.draft import Draft, _suspect, gaps_in_words, gaps_of
@@ -92,6 +93,16 @@ def test_a_foreign_effect_is_drafted_accepted_and_found_by_its_name(name, tmp_pa
 @pytest.mark.parametrize("seed", range(4))
 def test_nothing_is_drafted_on_clean_data(seed):
     assert not diagnose(*poses(lambda q, h: 0.0, seed=20 + seed)).drafts
+
+
+@pytest.mark.slow
+def test_what_held_out_rows_speak_against_is_no_draft():
+    """A turn that is the other way round in the rows that were not fitted."""
+    axis, _, turn = FOREIGN["square of a sum"]
+    fitted = poses(lambda q, h: 0.0)[1].split(DEFAULT_SEED)
+    found = diagnose(*poses(lambda q, h: np.where(fitted, 1.0, -1.0) * turn(q, h), axis))
+    assert found.verdict == "unexplained" and not found.drafts and not found.findings
+    assert diagnose(*poses(turn, axis)).drafts
 
 
 def test_a_gap_is_an_interval_that_even_scatter_would_not_leave():

@@ -9,6 +9,7 @@ from exactarm.diagnose.held_out_evidence import freedom_of, log_density
 from exactarm.diagnose.own_share import own_shares
 
 RNG = np.random.default_rng(4)
+MOVES = Plain(excludes_rows=lambda: False)
 
 
 def linear_model(rows=40, held=30, prior=30.0):
@@ -41,7 +42,7 @@ def picture(model):
         sigma=np.ones(1), design=whole, data_numbers=len(measured[fitted_rows]),
         residual=(measured[fitted_rows] - design[fitted_rows] @ values)[:, None],
         weight=np.ones(len(measured[fitted_rows])), fit=Plain(covariance=np.linalg.inv(whole.T @ whole)),
-        layout=Plain(effects=("small", "curve"), slices=(slice(0, 1), slice(1, size + 1)), size=size + 1,
+        layout=Plain(effects=(MOVES, MOVES), slices=(slice(0, 1), slice(1, size + 1)), size=size + 1,
                      values=values, parameters=[Plain(search=False)] * (size + 1)))
     problem = Plain(held_out_picture=lambda fitted: (left[:, None], design[judged, None, :]), held_out=left,
                     correlation_factor=lambda fitted: 0.5, numbers_of_error=1)
@@ -73,7 +74,7 @@ def test_the_error_without_an_effect_is_in_its_own_unit():
     whole = (design[:100] / scale[:, None]).reshape(200, 1)
     fitted = Plain(sigma=scale, design=whole, data_numbers=200, residual=left[:100], weight=np.ones(100),
                    fit=Plain(covariance=np.linalg.inv(whole.T @ whole)),
-                   layout=Plain(effects=("small",), slices=(slice(0, 1),), size=1, values=np.array([value]),
+                   layout=Plain(effects=(MOVES,), slices=(slice(0, 1),), size=1, values=np.array([value]),
                                 parameters=[Plain(search=False)]))
     problem = Plain(held_out_picture=lambda fitted: (left[100:], design[100:]), held_out=left[100:],
                     correlation_factor=lambda fitted: 1.0, numbers_of_error=1)
@@ -92,3 +93,25 @@ def test_held_out_rows_show_as_much_of_an_effect_as_they_have(elsewhere, shown):
     problem, fitted, _ = picture((design, measured, fitted_rows, judged, priors))
     small, _curve = own_shares(problem, fitted, 0)
     assert abs(small.shown - shown) < 3.0 * np.sqrt(small.variance) and 0.0 < small.variance < 0.2
+
+
+@pytest.mark.parametrize("wrong", [0.0, 40.0])
+def test_rows_that_are_left_out_are_worth_what_the_fit_with_them_lacks_elsewhere(wrong):
+    """One of 8 rows, which is right or wrong."""
+    rng, out = np.random.default_rng(2), np.arange(8) == 7
+    design = rng.normal(size=(208, 1, 3))
+    design[7] *= 4.0
+    measured = design[:, 0] @ np.ones(3) + rng.normal(size=208)
+    measured[7] += wrong
+    at = lambda kept: np.linalg.lstsq(design[:8][kept, 0], measured[:8][kept], rcond=None)[0]
+    values, left = at(~out), lambda x: measured - design[:, 0] @ x
+    fitted = Plain(sigma=np.ones(1), design=design[:8][~out, 0], data_numbers=7, weight=1.0 - out,
+                   residual=left(values)[:8, None], jacobian=design[:8], view=None,
+                   layout=Plain(effects=(Plain(excludes_rows=lambda: True, keep=lambda view: ~out),)))
+    problem = Plain(held_out_picture=lambda fitted: (left(values)[8:, None], design[8:]),
+                    held_out=measured[8:], correlation_factor=lambda fitted: 1.0, numbers_of_error=1)
+    (rows,) = own_shares(problem, fitted, 0)
+    taken, others = (np.sum(left(x)[8:] ** 2) for x in (values, at(np.ones(8, bool))))
+    assert rows.share == pytest.approx(1.0 - taken / others, rel=1e-6)
+    assert rows.shown == 1.0 and rows.variance == np.inf
+    assert (rows.gain > 3.0) == (wrong > 0.0)

@@ -9,7 +9,8 @@
 3. The winner has to lower the cross-validated square sum over whole poses, or pieces of runs; then everything
    is fitted together through the chain. An axis that no formula describes is left, and the next is tried.
 
-Held-out rows choose nothing. An unknown function of the device is not drafted: a formula turns one axis.
+Held-out rows choose nothing; a formula against which they speak (held_out_evidence.py) is no draft. An
+unknown function of the device is not drafted: a formula turns one axis.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from exactarm.diagnose.decisions import DOUBT, LEAST_NATS, NAMED_AT
 from exactarm.diagnose.dictionary import forms_of, is_series, sum_of
 from exactarm.diagnose.evidence import Absorbed, Members
 from exactarm.diagnose.fitted import Fitted
+from exactarm.diagnose.held_out_evidence import AGAINST, held_out_gains
 from exactarm.diagnose.joint_fit import refit
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.signal import (
@@ -39,6 +41,7 @@ from exactarm.diagnose.signal import (
     Signal,
     Structure,
 )
+from exactarm.diagnose.standing import errors_of
 from exactarm.diagnose.unknown_axes import UnknownAxes, unknown_axes
 from exactarm.diagnose.vocabulary import vocabulary_of
 from exactarm.effects.axis_units import moves_by
@@ -139,13 +142,19 @@ def drafts_of(problem: Problem, declared: Layout, last: Fitted, seen: UnknownAxe
         chosen = [*fitted.layout.effects[len(declared.effects) :], titled]
         weights = seen.noise if problem.by_posterior else None
         trial = refit(problem, declared, chosen, fitted, weights)
-        if trial.fit.converged:
+        if trial.fit.converged and not _spoken_against(problem, fitted, trial):
             found.append(_draft(problem, fitted, trial, log_bayes, likely[axis], not is_series(formula)))
             fitted = trial
             if not problem.by_posterior:
                 seen = unknown_axes(problem, fitted)
     drafted = {draft.effect.joint for draft in found}
     return tuple(found), tuple(what for axis, what in seen.others if axis not in drafted), fitted
+
+
+def _spoken_against(problem: Problem, before: Fitted, after: Fitted) -> bool:
+    """Whether held-out rows are predicted too much worse with a formula for it to be right."""
+    errors = [errors_of(problem, each) for each in (before, after)]
+    return held_out_gains(errors, problem.numbers_of_error, problem.correlation_factor(after))[0] < AGAINST
 
 
 def _best_formula(fitted: Fitted, noise, problem: Problem, axis: int,

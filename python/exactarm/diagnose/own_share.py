@@ -2,7 +2,8 @@
 others in the model.
 
     share = 1 - S / S_without;  without it, the other parameters are fitted anew (linear picture, with their
-    priors: curves that the data hold in check only by them would run away on rows that were not fitted).
+    priors: curves that the data hold in check only by them would run away on rows that were not fitted), or,
+    where it leaves rows out, with these rows.
 
 Its gain is the log of the density of the held-out rows with it, less that without it, and shown is how much
 of it they show (held_out_evidence.py), with the variance of that by the noise of both sets of rows.
@@ -49,26 +50,49 @@ def own_shares(problem: Problem, fitted: Fitted, first: int) -> tuple[Own, ...] 
     worth = problem.correlation_factor(fitted) if len(problem.held_out) else 0.0
     density = lambda left: log_density(error(left), numbers, freedom)
     design = fitted.design
-    rows = fitted.data_numbers
     norm = np.linalg.norm(design, axis=0)
     norm[norm == 0.0] = 1.0
     gram = design.T @ design / np.outer(norm, norm) + RIDGE * np.eye(len(norm))
     found = []
     for place in range(first, len(fitted.layout.effects)):
-        where = fitted.layout.slices[place]
-        linear = np.array([not p.search for p in fitted.layout.parameters[where]], bool)
-        values = np.where(linear, fitted.layout.values[where], 0.0)
-        rest = np.delete(np.arange(fitted.layout.size), np.arange(where.start, where.stop))
-        onto = (design[:rows].T @ (design[:rows, where] @ values))[rest] / norm[rest]
-        step = np.zeros(len(norm))
-        step[where] = values
-        step[rest] = -linalg.solve(gram[np.ix_(rest, rest)], onto, assume_a="pos") / norm[rest]
+        out = _rows_out(fitted, place)
+        step = (_without_values(fitted, place, design, gram, norm) if out is None
+                else _with_rows(fitted, out, gram, norm))
         without = residual + jacobian @ step
         square, other = (float(np.sum(error(left) ** 2)) for left in (residual, without))
         gain = float(worth * (density(residual) - density(without)))
+        shown = (1.0, np.inf) if out is not None else _shown(fitted, residual, jacobian, jacobian @ step,
+                                                             freedom, worth)
         found.append(Own(1.0 - square / max(other, 1e-300), rms(without) / max(rms(residual), 1e-300), gain,
-                         *_shown(fitted, residual, jacobian, jacobian @ step, freedom, worth)))
+                         *shown))
     return tuple(found)
+
+
+def _without_values(fitted: Fitted, place: int, design: np.ndarray, gram: np.ndarray,
+                    norm: np.ndarray) -> np.ndarray:
+    """(P,) by which the parameters fall where one effect goes and the others are fitted anew."""
+    where, rows = fitted.layout.slices[place], fitted.data_numbers
+    linear = np.array([not p.search for p in fitted.layout.parameters[where]], bool)
+    values = np.where(linear, fitted.layout.values[where], 0.0)
+    rest = np.delete(np.arange(fitted.layout.size), np.arange(where.start, where.stop))
+    onto = (design[:rows].T @ (design[:rows, where] @ values))[rest] / norm[rest]
+    step = np.zeros(len(norm))
+    step[where] = values
+    step[rest] = -linalg.solve(gram[np.ix_(rest, rest)], onto, assume_a="pos") / norm[rest]
+    return step
+
+
+def _rows_out(fitted: Fitted, place: int) -> np.ndarray | None:
+    """(N,) bool: rows that one effect leaves out; None where it is not of that sort."""
+    effect = fitted.layout.effects[place]
+    return ~effect.keep(fitted.view) if effect.excludes_rows() else None
+
+
+def _with_rows(fitted: Fitted, out: np.ndarray, gram: np.ndarray, norm: np.ndarray) -> np.ndarray:
+    """(P,) by which the parameters fall where rows that were left out count again."""
+    columns = (fitted.jacobian[out] / fitted.sigma[:, None]).reshape(-1, len(norm)) / norm
+    left = (fitted.residual[out] / fitted.sigma).ravel()
+    return -linalg.solve(gram + columns.T @ columns, columns.T @ left, assume_a="pos") / norm
 
 
 def _shown(fitted: Fitted, residual: np.ndarray, jacobian: np.ndarray, change: np.ndarray, freedom: float,
