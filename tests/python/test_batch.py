@@ -68,6 +68,7 @@ def test_what_has_not_changed_is_kept_and_what_has_is_computed(tmp_path):
     lambda place: (place / "result.json").unlink(),
     lambda place: (place / ".batch").write_bytes(b"\xff"),
 ])
+@pytest.mark.slow
 def test_a_result_that_is_not_the_jobs_own_is_computed_again(spoil, tmp_path):
     rows = [{"name": "one", "command": "export", "robot": "ur10", "format": "csv"}]
     assert ea.batch(rows, tmp_path)["done"] == 1 and ea.batch(rows, tmp_path)["kept"] == 1

@@ -83,6 +83,7 @@ def test_student_noise_has_the_tails_of_its_degrees_of_freedom():
     assert np.mean(noise**4) == pytest.approx(3.0 + 6.0 / (10.0 - 4.0), rel=0.05)
 
 
+@pytest.mark.slow
 def test_coloured_noise_forgets_within_its_memory():
     noise = draw_noise(Conditions(memory=4.0), (200_000, 1), np.random.default_rng(3))[:, 0]
     for lag in (1, 4, 8):

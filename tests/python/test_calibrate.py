@@ -168,6 +168,7 @@ def test_robust_loss_survives_gross_errors(arm):
     assert robust.after["validation"].rms < 1.5 * FLOOR_M < 5.0 * FLOOR_M < plain.after["validation"].rms
 
 
+@pytest.mark.slow
 def test_wild_rows_are_noticed_weigh_less_and_are_told(arm):
     rng = np.random.default_rng(63)
     q = joints_in_limits(arm, 100, rng)
@@ -261,6 +262,7 @@ def test_command_writes_intervals_and_both_errors(arm, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("compliance, told", [(None, True), ("1,2,3,4,5,6", False)])
+@pytest.mark.slow
 def test_declared_springs_that_are_held_are_told(tmp_path, capsys, compliance, told):
     """Words alone: nothing hangs on the seed."""
     made = str(tmp_path / "made")
@@ -279,6 +281,7 @@ def test_declared_springs_that_are_held_are_told(tmp_path, capsys, compliance, t
     ("nan", "row 4, column x_m"),
     ("one session too few", "different poses of session 1 to find its frames by: 3; expected at least 4"),
 ])
+@pytest.mark.slow
 def test_bad_data_end_with_one_line(arm, tmp_path, capsys, fault, words):
     rng = np.random.default_rng(71)
     count = {"few": 9, "one session too few": 3}.get(fault, 40)

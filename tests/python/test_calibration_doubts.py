@@ -32,6 +32,7 @@ def told(robot, data):
             if "rounded to" in line or "comes out" in line]
 
 
+@pytest.mark.slow
 def test_rounded_readings_are_told_with_their_step(ur10):
     robot, data = ur10
     assert told(robot, data) == []
@@ -52,6 +53,7 @@ def test_angles_that_were_commanded_on_a_grid_are_not_rounded(ur10):
                                rotation=None)) == []
 
 
+@pytest.mark.slow
 def test_a_length_with_two_digits_exchanged_is_told(ur10):
     robot, data = ur10
     joints = list(robot.joints)
@@ -87,6 +89,7 @@ def test_files_of_two_arms_that_are_refused_contradict_each_other():
     assert ea.calibrate("panda", alone).report.tone == "good"
 
 
+@pytest.mark.slow
 def test_files_that_leave_much_together_contradict_each_other(ur10):
     robot, data = ur10
     files = np.arange(len(data)) % 2
@@ -101,6 +104,7 @@ def test_files_that_leave_much_together_contradict_each_other(ur10):
 
 
 @pytest.mark.parametrize("turned", [0.0, 0.05])
+@pytest.mark.slow
 def test_an_arm_that_was_mastered_anew_contradicts_itself(ur10, turned):
     robot, data = ur10
     data = data.select(np.arange(0, len(data), 2))

@@ -324,6 +324,7 @@ def test_wrong_options_are_refused_in_one_line(certified, tmp_path, capsys, chan
     assert line in error and "\n" not in error and not (tmp_path / "o" / "result.json").exists()
 
 
+@pytest.mark.slow
 def test_poses_at_rest_are_no_path(certified, tmp_path, capsys):
     """A path of 61 m, with an accuracy of its own, stood on the certificate."""
     robot, poses = str(certified / "calibrated" / "robot.toml"), certified / "new.csv"

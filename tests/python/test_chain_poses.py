@@ -94,6 +94,7 @@ def test_jacobian_of_all_declared_parameters_in_two_sessions(springs, orientatio
     assert_jacobian(robot, layout, data)
 
 
+@pytest.mark.slow
 def test_jacobian_of_found_effects_beside_the_declared_model(rng):
     robot = six_axis(springs=True)
     found = (
@@ -228,6 +229,7 @@ def test_unknown_approach_is_the_mean_table(rng):
     assert np.max(np.abs(at_rest - predict_poses(racer, NOTHING, known, tangents=False).position)) > 1e-6
 
 
+@pytest.mark.slow
 def test_jacobian_through_gear_tables_and_springs(rng):
     racer = load_robot("racer-7-1.4")
     layout = Layout.of((Frames.of(3, placement(rng), placement(rng), True),)).joined(geometry_layout(racer))

@@ -96,6 +96,7 @@ def test_no_command_has_a_sentence_of_its_own():
     assert all(module.change is change for module in (calibration, identify, gear_report, diagnose_report))
 
 
+@pytest.mark.slow
 def test_the_error_before_is_worded_as_what_it_is_and_agrees_with_calibrate(tmp_path):
     """The springs of the file are not in what the controller calculates, and are in where `calibrate`
     begins. Nothing hangs on the seed: the two means are one calculation, and the springs are 0.9 mrad."""

@@ -282,6 +282,7 @@ def names(files, *days):
     ]
 
 
+@pytest.mark.slow
 def test_the_command_says_what_moved_and_on_which_day(files, tmp_path):
     assert cli.main(["check", *names(files, 1, 2, 3, 4, 5, 6), "--out", str(tmp_path), "--quiet"]) == 0
     result = json.loads((tmp_path / "result.json").read_text())
@@ -310,6 +311,7 @@ def test_rows_that_were_copied_from_another_day_are_told():
 
 
 @pytest.mark.parametrize("digits", [3, 4, 5])
+@pytest.mark.slow
 def test_rows_of_a_coarse_device_are_not_called_copied(digits):
     arm, truth, q, random = an_arm_for(14)
     measured_days = before_of(truth, q, random, arm), *days_of(truth, q, random, 10, arm)

@@ -37,6 +37,7 @@ def test_a_large_change_is_named_as_surely_as_a_small_one(what, size, name):
         assert found["ci95"][1] - found["ci95"][0] < 0.2 * size
 
 
+@pytest.mark.slow
 def test_a_large_change_is_named_where_every_day_is_another_set_up():
     arm, truth, q, random = an_arm_for(22)
     turned = moved(truth, "q3", 0.05)
@@ -57,6 +58,7 @@ def test_two_large_changes_at_once_are_not_called_one():
     assert result["verdict"] == "moved_unexplained"
 
 
+@pytest.mark.slow
 def test_the_move_of_the_base_is_counted_in_its_old_axes():
     arm, truth, q, random = an_arm_for(24)
     by, shift = np.array([0.3, -0.2, 0.5]), np.array([0.1, 0.2, -0.3])

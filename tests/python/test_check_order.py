@@ -17,6 +17,7 @@ def exchanged(data, order):
 
 @pytest.mark.parametrize("days", [1, 2])
 @pytest.mark.parametrize("late", [1, 2, 4])
+@pytest.mark.slow
 def test_points_that_stand_rows_late_are_no_rest(late, days):
     """Neither zero, base nor tool can do it: "nothing has moved" stood beside a move of 1.7 m."""
     arm, truth, q, random = an_arm_for(14)
@@ -28,6 +29,7 @@ def test_points_that_stand_rows_late_are_no_rest(late, days):
     assert f"day 1: are x, y, z {rows}, beside the angles?" in " ".join(found["warnings"])
 
 
+@pytest.mark.slow
 def test_days_of_a_shells_order_are_taken_by_their_numbers(tmp_path):
     """day_10 stood before day_2, and an alarm before its cause; another order is the user's."""
     arm, truth, q, random = an_arm_for(14)

@@ -126,6 +126,7 @@ class _RealPlaces(_Places):
         return problem.holds(without, left)
 
 
+@pytest.mark.slow
 def test_a_place_refuses_only_what_is_more_than_the_others_doubt():
     """Size 3: 2.3 standard deviations of what two places know, and what they do not know scatters as much
     as it is large. It holds in 100 of 100 records, 96 before; the opposite in the third place in none,
@@ -135,6 +136,7 @@ def test_a_place_refuses_only_what_is_more_than_the_others_doubt():
     assert sum(held(seed, 0.0, places=_RealPlaces) for seed in range(100)) <= 5
 
 
+@pytest.mark.slow
 def test_what_two_places_owe_the_third_is_their_expected_square():
     """Beside the mean of records without an effect: what the squares hold more than the noise."""
     folds, more = three_places(np.random.default_rng(0), 0.0)[2], []

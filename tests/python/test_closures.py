@@ -274,6 +274,7 @@ def test_the_distance_of_seats_that_were_touched_once_is_an_error():
     assert 0.0 < error < 5e-3
 
 
+@pytest.mark.slow
 def test_a_fit_goes_on_while_a_step_would_lower_the_objective():
     made = ea.simulate("ur10", measure="closures", contact="sphere", count=20, noise=3e-5)
     found = ea.diagnose("ur10", made.data, threads=1)  # failed before: no verdict, for it had stopped

@@ -139,6 +139,7 @@ def test_urscript_poses_need_the_controllers_own_calibration(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("suffix", ["csv", "parquet"])
+@pytest.mark.slow
 def test_tables_of_poses_get_the_joint_angles_that_reach_them(tmp_path, suffix):
     import pandas
     from scipy.spatial.transform import Rotation

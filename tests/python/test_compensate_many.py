@@ -44,6 +44,7 @@ def test_a_picture_of_few_targets_shows_all_of_them():
     assert figure.axes[0].collections[0].N == 3 and "drawn" not in vector_picture(figure)
 
 
+@pytest.mark.slow
 def test_ways_through_many_loops_and_routines_are_found_in_a_time_that_grows_with_them():
     """2,000 of both took 9 s, and 1,000 2.2 s, when each looked at all statements; 20,000 would have taken a
     quarter of an hour. 10 s is more than ten times what they take now."""

@@ -62,6 +62,7 @@ def largest_distance(robot, meant, sent, rates):
 
 @pytest.mark.parametrize("rates", [*(pytest.param(rates, marks=pytest.mark.slow) for rates in (0, 1)), 2])
 @pytest.mark.parametrize("newline", ["\n", pytest.param("\r\n", marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_points_in_between_keep_the_real_flange_on_its_path(tmp_path, rates, newline):
     robot = smooth_arm()
     file = trajectory(points(robot, rates), newline)

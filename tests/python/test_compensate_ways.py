@@ -106,6 +106,7 @@ def test_an_inline_form_leaves_its_tool_behind():
     (urscript, ("  movej(start", "  pick(start)\n  movej(start"), ("start (line 6)",)),
     (fanuc_tp, ("   2:J P[2", "   2:  !P[2"), ("goes to P[2]",)),
 ])
+@pytest.mark.slow
 def test_points_that_no_motion_reaches_are_told(dialect, change, said):
     warnings = " ".join(read(dialect, change).warnings)
     assert all(words in warnings for words in said)

@@ -60,6 +60,7 @@ def test_what_was_corrected_is_not_corrected_again(tmp_path):
 @pytest.mark.parametrize("send, name, line", [
     ("joint_trajectory", "trajectory.yaml", 1), ("servoj", "trajectory.script", 2),
     ("krl", "trajectory.src", 2), ("csv", "sent.csv", None)])
+@pytest.mark.slow
 def test_what_plan_has_written_for_the_real_arm_is_not_corrected(tmp_path, send, name, line):
     robot = load_robot("racer-7-1.4")
     ea.plan(robot, "line", rate_hz=100, send=send, threads=1).save(tmp_path / "plan")

@@ -198,6 +198,7 @@ def measured(arm: Robot, seed: int = 3, count: int = 60) -> tuple[Robot, Dataset
     return true, data
 
 
+@pytest.mark.slow
 def test_base_and_tool_are_shown_of_the_controllers_frames_and_written_of_the_tables(pair):
     arm, plain = pair
     true, data = measured(arm)
@@ -232,6 +233,7 @@ def test_estimates_of_frames_are_carried_over_with_their_derivative(count):
     np.testing.assert_array_equal(Frames(None, tuple(values), 1, names).in_frames_of(Controller())[0], values)
 
 
+@pytest.mark.slow
 def test_error_vectors_are_shown_in_the_base(pair):
     arm, data = pair[0], measured(pair[0])[1]
     calibrated = ea.calibrate(arm, data)

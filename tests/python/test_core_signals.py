@@ -61,6 +61,7 @@ def started() -> Iterator[Callable[[str], subprocess.Popen]]:
 
 @pytest.mark.parametrize("work", ["angles", "plan"])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.slow
 def test_a_signal_ends_a_long_call_of_the_core(started, work, number):
     handler = "signal.signal(signal.SIGTERM, lambda *_: signal.default_int_handler(2, None))\n"
     child = started(handler + f"while True: {work}()")
@@ -72,6 +73,7 @@ def test_a_signal_ends_a_long_call_of_the_core(started, work, number):
     assert time.monotonic() - before < PATIENCE_S
 
 
+@pytest.mark.slow
 def test_an_exception_of_a_handler_comes_out_of_the_call_itself(started):
     work = """
 def alarm(*_):
@@ -87,6 +89,7 @@ except TimeoutError as error:
     assert (out, words) == ("rang\n", "")
 
 
+@pytest.mark.slow
 def test_the_interpreter_ends_cleanly_while_a_daemon_thread_is_in_the_core(started):
     """pybind11 alone ends with "terminate called without an active exception" here (Python before 3.14)."""
     work = (

@@ -74,6 +74,7 @@ def datasets(draw) -> Dataset:
 
 @many
 @given(dataset=datasets(), ending=st.sampled_from([".csv", ".parquet"]))
+@pytest.mark.slow
 def test_what_is_written_comes_back(tmp_path, dataset, ending):
     path = tmp_path / f"data{ending}"
     write_dataset(path, dataset, DIRECT)

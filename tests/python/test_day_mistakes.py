@@ -54,6 +54,7 @@ def test_what_may_have_happened_to_the_arm_is_none():
     assert [word for word in words if word] == []
 
 
+@pytest.mark.slow
 def test_days_may_be_rows_of_one_file_but_each_row_is_taken_once():
     """Chosen in Python; they were refused as the same file."""
     data = ea.read("ur10", "ur10/series_B")

@@ -192,6 +192,7 @@ def test_marks_better_than_the_source_and_than_random_sets(frames):
     assert design.observability.O4 >= design.exchanged.O4 * (1.0 - 1e-9)
 
 
+@pytest.mark.slow
 def test_designed_poses_are_allowed_and_validation_stays_apart():
     _, design = shipped_racer("both")
     assert design.q.shape == (50, 6) and design.q_validation.shape == (13, 6)
@@ -219,6 +220,7 @@ def test_too_few_poses_are_refused_with_the_number_needed():
         design_poses(racer_like(), DesignOptions(count=10))
 
 
+@pytest.mark.slow
 def test_seven_axes_with_orientation():
     rows = [(0.34, 0.0, -RIGHT), (0.0, 0.0, RIGHT), (0.4, 0.0, RIGHT), (0.0, 0.0, -RIGHT), (0.4, 0.0, -RIGHT),
             (0.0, 0.0, RIGHT), (0.13, 0.0, 0.0)]

@@ -71,12 +71,14 @@ def test_names_the_gear_that_winds_up_under_a_measured_torque(result):
     assert axes[1]["after"] == pytest.approx(axes[1]["before"], rel=0.02)
 
 
+@pytest.mark.slow
 def test_the_updated_robot_carries_what_was_found(robot, result):
     left = evaluate_gear_runs(result.robot, measured(robot, COMPLIANCE)).error
     declared = evaluate_gear_runs(robot, measured(robot, COMPLIANCE)).error
     assert np.sqrt(np.mean(left**2)) < 0.5 * np.sqrt(np.mean(declared**2))
 
 
+@pytest.mark.slow
 def test_a_second_diagnosis_adds_nothing(robot, result):
     again = diagnose(result.robot, measured(robot, COMPLIANCE))
     assert not again.findings

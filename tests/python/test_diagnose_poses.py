@@ -356,6 +356,7 @@ def test_the_overtone_of_a_wave_is_found_beyond_the_orders_that_are_searched():
     assert result.sentence.count("gear harmonics of axis 2") == 1
 
 
+@pytest.mark.slow
 def test_poses_without_any_noise_lack_nothing():
     exact = ea.simulate("ur10", count=25, noise=0.0).data  # failed before: a matrix not positive definite
     assert ea.diagnose("ur10", exact, threads=1)["verdict"] == "no_undeclared_effect"

@@ -34,6 +34,7 @@ def test_ratio_is_of_the_other_checkout_to_this_one():
     assert "ratio 3.00, memory 4.00" in diagnosis_time.line("few", {"this": one, "that": other})
 
 
+@pytest.mark.slow
 def test_minute_between_encoders_is_read_as_gear_runs_at_a_thousand_hertz(tmp_path, monkeypatch):
     monkeypatch.setattr(diagnosis_time, "RUN_S", 0.5)
     robot, data = diagnosis_time.between_encoders(tmp_path)

@@ -90,6 +90,7 @@ def check_by_signal(effect, view):
 
 
 @pytest.mark.parametrize("name", MOTION)
+@pytest.mark.slow
 def test_motion_effect_derivatives(name, random):
     robot = bare(six_axis())
     view = motion_view(random, robot)

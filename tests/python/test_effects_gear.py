@@ -75,6 +75,7 @@ def test_table_gives_the_effect_back(effect):
 
 
 @pytest.mark.parametrize("name", sorted(library()))
+@pytest.mark.slow
 def test_candidates_have_zero_size(racer, name):
     view = predict_poses(racer, Layout.of(()), poses(racer)).view
     if "poses" not in library()[name].kinds:

@@ -73,6 +73,7 @@ def test_simplified_model_is_pinocchio_driven_by_the_springs():
 
 
 @pytest.mark.parametrize("coupling", [False, True])
+@pytest.mark.slow
 def test_stiff_integrator_with_its_jacobian_keeps_the_energy(coupling):
     robot = elastic_robot(5, dry=True)
     dynamics = _core.ElasticJointDynamics(_core.ElasticJointModel(robot, rotor_coupling=coupling))

@@ -156,6 +156,7 @@ def test_a_full_disk_is_one_line_and_no_result(command, on_full_disks):
 
 
 @pytest.mark.parametrize("command", RUNS)
+@pytest.mark.slow
 def test_a_folder_of_another_run_or_one_that_is_read_only_is_refused(command, folder, tmp_path, capsys):
     with OutputFolder(tmp_path / "out"):
         assert cli.main(words_of(command, folder, tmp_path / "out")) == 2
@@ -169,6 +170,7 @@ NO_NAME = "x" * 300  # longer than a file system's names
 
 
 @pytest.mark.parametrize("command", RUNS)
+@pytest.mark.slow
 def test_a_name_that_no_file_can_have_is_bad_input(command, folder, tmp_path, capsys):
     words = words_of(command, folder, tmp_path / "out")
     places = [k for k, word in enumerate(words[: words.index("--out")])

@@ -54,6 +54,7 @@ def test_axes_that_lean_reach_every_place_with_the_nearest_orientation(begun):
         assert np.all(farther > off)
 
 
+@pytest.mark.slow
 def test_what_lies_beyond_the_arm_stays_out_of_reach():
     reference, _ = straight(scara())
     far = replace(reference, position=reference.position + [1.0, 0.0, 0.0])

@@ -59,6 +59,7 @@ def test_the_prior_of_a_noise_is_worth_one_number():
     assert _likeliest_sigma(0.0, 0.0) == pytest.approx(1e-4, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_right_arm_with_few_tracked_rows_lacks_nothing():
     """Held-out rows err by a tenth of a millimetre, fitted ones by hundredths: the parameters met them. So
     with each of the seeds 0 to 7."""
@@ -75,6 +76,7 @@ def test_a_right_arm_with_few_tracked_rows_lacks_nothing():
     assert not carries_badly(held_out_excess(errors, problem.error_of_unit_noise(fitted)))
 
 
+@pytest.mark.slow
 def test_rows_of_a_sensor_judge_no_distance():
     """A held-out part without any tracked row judges nothing, rather than mm by mrad. So with each of the
     seeds 0 to 5."""

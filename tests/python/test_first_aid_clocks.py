@@ -33,6 +33,7 @@ def motion():
 
 
 @pytest.mark.parametrize("share, way", [(1e-3, "faster"), (-1e-3, "slower")])
+@pytest.mark.slow
 def test_a_drift_of_a_thousandth_is_told_from_twenty_seconds_on(motion, share, way):
     words = said(six_axis(), with_torques_of_a_clock(motion, share))
     assert "torques of a clock that runs 0.1 %" in words.replace("0.097", "0.1").replace("0.099", "0.1")
@@ -42,6 +43,7 @@ def test_a_drift_of_a_thousandth_is_told_from_twenty_seconds_on(motion, share, w
 @pytest.mark.parametrize("factor, words", [
     (0.5, "times longer"), (0.8, "all times 1.3 times longer"), (1.5, "all times 1.5 times shorter"),
 ])
+@pytest.mark.slow
 def test_times_wrong_by_a_factor_are_told_where_the_arm_accelerates(motion, factor, words):
     assert words in said(six_axis(), replace(motion, time=factor * motion.time))
 
@@ -55,6 +57,7 @@ def test_what_is_left_follows_the_speed_smoothly(motion):
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
+@pytest.mark.slow
 def test_right_times_are_not_suspected(seed):
     assert said(six_axis(), log_of(true_arm(seed + 3), 20.0, seed, RATE_HZ)) == ""
 
@@ -76,6 +79,7 @@ def test_the_same_path_at_another_speed_is_what_the_core_says_of_it():
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.slow
 def test_noise_that_interpolation_takes_away_is_no_clock(seed):
     """Torques of any drifting clock are interpolated, and so have less noise: all three were suspected."""
     data = log_of(true_arm(seed + 3), 9.0, seed, 50.0)

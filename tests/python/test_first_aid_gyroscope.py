@@ -40,6 +40,7 @@ def test_a_mistake_under_a_gyroscope_is_told(gyro_run, change, words):
 
 
 @pytest.mark.parametrize("axes, signs", [([1, 2, 0], [1, 1, 1]), ([0, 1, 2], [1, 1, -1])])
+@pytest.mark.slow
 def test_the_names_and_the_hand_of_a_gyroscopes_axes_mean_nothing(gyro_run, axes, signs):
     """One axis turns, so readings lie along one line, which is found: its mirror image is another."""
     robot, data = gyro_run

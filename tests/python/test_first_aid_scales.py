@@ -33,6 +33,7 @@ def test_lengths_of_another_scale_are_told_with_their_factor(motion, factor):
 
 
 @pytest.mark.parametrize("factor", [1.2, 1.0 / 1.2, 1.05])
+@pytest.mark.slow
 def test_a_time_that_runs_otherwise_is_told_with_its_factor(motion, factor):
     robot, data = motion
     meant = data.time[0] + factor * (data.time - data.time[0])
@@ -41,6 +42,7 @@ def test_a_time_that_runs_otherwise_is_told_with_its_factor(motion, factor):
     assert f"a device whose time runs {factor:.3g}" in said[0]
 
 
+@pytest.mark.slow
 def test_a_delay_throughout_is_no_other_time(motion):
     """30 ms on a line of 10 s were once told as a time that runs 0.9947 times as fast."""
     robot, data = motion
@@ -49,6 +51,7 @@ def test_a_delay_throughout_is_no_other_time(motion):
         assert not any("runs" in said for said in first_aid(robot, replace(data, position=late)))
 
 
+@pytest.mark.slow
 def test_right_motions_are_not_suspected(motion):
     """Lags of a slow motion are hardly known: 25 and -51 ms were once told as a clock that drifts."""
     robot, data = motion

@@ -153,6 +153,7 @@ def test_a_clock_that_drifts_between_encoders_is_told(kr300):  # noqa: F811
     assert "are the angles wrapped" in first_aid(robot, column(data, "theta", wrapped))[0]
 
 
+@pytest.mark.slow
 def test_a_tracker_that_starts_a_second_late_is_told(tracked):  # noqa: F811
     robot, data = tracked
     assert "the tracker lags by" in first_aid(robot, position(data, later(100)))[0]
@@ -180,6 +181,7 @@ def test_stamps_that_do_not_rise_tell_no_lag():
     assert lags(np.zeros(100), np.arange(100.0), np.arange(100.0)) is None
 
 
+@pytest.mark.slow
 def test_wrapped_motor_angles_of_poses_are_told():
     robot, random = load_robot("racer-7-1.4"), np.random.default_rng(3)
     q = random.uniform(0.6 * limit(robot, "q_min"), 0.6 * limit(robot, "q_max"), (40, 6))
@@ -197,6 +199,7 @@ def test_a_joint_angle_and_a_turn_more_are_the_same(ur10, change):  # noqa: F811
     assert other.rms == pytest.approx(one.rms, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_what_no_candidate_explains_is_said_after_the_calibration(ur10):  # noqa: F811
     robot, data = ur10
     data = data.select(np.arange(0, len(data), 10))
@@ -208,6 +211,7 @@ TURNED = Rotation.from_rotvec([0.0, 0.0, np.pi / 2.0]).as_matrix()
 
 
 @pytest.mark.parametrize("axis, degrees", [(2, 30.0), (3, -120.0), (1, 7.0)])
+@pytest.mark.slow
 def test_another_zero_by_any_angle_is_told_with_it(ur10, axis, degrees):  # noqa: F811
     """By 30 degrees it was refused with "is it another robot?"."""
     robot, data = ur10
@@ -223,6 +227,7 @@ def test_another_zero_by_any_angle_is_told_with_it(ur10, axis, degrees):  # noqa
     (lambda rotation: quaternions(rotation, [0, 3, 1, 2]), "that count from axes turned by 120 degrees"),
     (lambda rotation: np.swapaxes(TURNED @ rotation, 1, 2), "that count from axes turned by 132 degrees"),
 ])
+@pytest.mark.slow
 def test_orientations_in_other_axes_than_positions_are_told(ur10, change, words):  # noqa: F811
     """They went through without a word, or tore the positions off by half a metre."""
     robot, data = ur10

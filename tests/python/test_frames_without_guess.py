@@ -80,6 +80,7 @@ def test_tells_that_another_tool_point_fits_as_well():
     assert fixed.other_tool is not None and np.linalg.norm(fixed.other_tool - fixed.tool.position) > 0.01
 
 
+@pytest.mark.slow
 def test_a_direction_that_no_pose_turns_keeps_its_declared_place():
     """Along the quill of a SCARA a shift of the tool is one of the base; it had ended wherever the search
     began, and base z came with an interval of 0.01 mm at 10 to 580 mm, a zero outside of its own. Seeds: the

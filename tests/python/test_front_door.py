@@ -89,6 +89,7 @@ def processor_seconds(*words):
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, run.stdout
 
 
+@pytest.mark.slow
 def test_help_imports_no_numerics_and_is_quick():
     """Below 0.2 s where an interpreter that does nothing takes 0.02 s: as a ratio it holds on a busy machine
     too, where the same work takes twice the processor time. The least of three runs each."""
@@ -99,6 +100,7 @@ def test_help_imports_no_numerics_and_is_quick():
     assert ours < 10.0 * nothing, (ours, nothing)
 
 
+@pytest.mark.slow
 def test_no_command_imports_plots_before_it_draws():
     """A wrong word or file is told without the half second that matplotlib takes."""
     program = ("import sys; from exactarm.commands.listing import find_commands, import_command\n"
@@ -116,6 +118,7 @@ def test_python_and_command_line_have_one_default_seed(name):
         assert inspect.signature(getattr(module, name)).parameters["seed"].default == DEFAULT_SEED
 
 
+@pytest.mark.slow
 def test_a_result_says_its_verdict_in_ten_lines(result):
     lines = str(result).splitlines()
     assert (
@@ -125,6 +128,7 @@ def test_a_result_says_its_verdict_in_ten_lines(result):
     assert result.verdict in result.summary().replace("\n", " ") and "<table>" in result._repr_html_()
 
 
+@pytest.mark.slow
 def test_a_result_answers_by_key_by_name_and_as_a_table(result):
     assert result["after"]["validation"]["mean"] == result.after["validation"].mean
     assert result.after["validation"].mean < result.before["validation"].mean
@@ -152,6 +156,7 @@ def test_plots_take_axes_and_give_axes(result):
     pytest.param(lambda: ea.identify("tx40", ea.example("tx40/motion"), friction_only=True),
                  marks=pytest.mark.slow),  # it has none of one panel
 ])
+@pytest.mark.slow
 def test_a_figure_is_drawn_on_axes_that_exist(make):
     made = make()
     axes = Figure().subplots()
@@ -232,6 +237,7 @@ def test_gravity_torque_follows_the_true_joint_angles():
     *(pytest.param(f"exactarm.commands.{name}", marks=pytest.mark.slow if name in LONG_EXAMPLES else ())
       for name in ea.COMMANDS if name in find_commands()),
 ])
+@pytest.mark.slow
 def test_the_examples_in_the_docstrings_run(module):
     outcome = doctest.testmod(importlib.import_module(module),
                               optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)

@@ -67,6 +67,7 @@ def run_of_axis_2(racer):
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=IDS)
+@pytest.mark.slow
 def test_derivatives(racer, run_of_axis_2, effect):
     declared = DeclaredHarmonics.of(racer, 1, "ccw")
     layout = Layout.of((declared, effect, GyroAlignment(2, (0.01, 0.02))))
@@ -79,6 +80,7 @@ def test_derivatives(racer, run_of_axis_2, effect):
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=IDS)
+@pytest.mark.slow
 def test_response_is_the_first_order_of_the_jacobian(racer, run_of_axis_2, effect):
     """What the diagnosis sees of an effect outside the model: the same but for the feedback of the load."""
     data = run_of_axis_2
@@ -121,6 +123,7 @@ def test_gravity_bends_axis_2(racer):
     assert rms(bent) < 0.02 * rms(rigid)
 
 
+@pytest.mark.slow
 def test_encoder_quantisation_adds_little_noise(racer):
     for counts in (2**12, 2**16):
         case = GearRuns(joint=1, speed=88.0 * DEGREE, counts=counts, tilt=(0.0, 0.0))

@@ -61,6 +61,7 @@ def excess(rms, noise):
     return np.sqrt(max(rms**2 - noise**2, 0.0))
 
 
+@pytest.mark.slow
 def test_validation_error_falls_to_the_noise(thesis_gear):
     """By 90 % of what is not noise, per direction, without knowing tables or ratio."""
     _, _, _, result = thesis_gear
@@ -73,6 +74,7 @@ def test_validation_error_falls_to_the_noise(thesis_gear):
             assert after <= 0.1 * before
 
 
+@pytest.mark.slow
 def test_unfiltered_rate_is_left_with_the_noise(racer, thesis_gear):
     """The judged error of the chain with the identified robot: 0.05 deg/s of noise went in."""
     _, _, data, result = thesis_gear
@@ -120,6 +122,7 @@ def test_both_methods_are_compared_on_held_out_runs(racer):
 
 
 @pytest.mark.parametrize(("on_file_s", "meets"), [(0.005, True), (0.0, False)])
+@pytest.mark.slow
 def test_a_delay_on_file_is_taken_out_at_every_speed(racer, on_file_s, meets):
     """5 ms turn order 101 by 0.8 rad at one speed and 0.4 at the other: without them no table fits both."""
     late = 2
@@ -167,6 +170,7 @@ def test_false_alarm_is_what_chance_does():
     assert angle.size == count and 0.05 < expected < 0.2
 
 
+@pytest.mark.slow
 def test_bias_is_told_from_the_ratio(racer):
     biased = runs_of(racer, GearRuns(joint=1, speed=60.0 * DEGREE, runs=4, tilt=(0.0, 0.0)))
     biased = replace(biased, gyro=biased.gyro + [0.0, 0.0, 3e-3])
@@ -176,6 +180,7 @@ def test_bias_is_told_from_the_ratio(racer):
     assert abs(estimate.ratio / racer.joints[0].ratio - 1.0) < 5e-5
 
 
+@pytest.mark.slow
 def test_one_direction_warns_and_leaves_the_other(racer):
     data = runs_of(racer, GearRuns(joint=1, speed=80.0 * DEGREE, runs=6))
     one_way = data.select(data.run % 2 == 1)
@@ -243,6 +248,7 @@ def test_command(racer, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("joint", (4, 5, 6))
+@pytest.mark.slow
 def test_quick_wrist_axes_are_left_with_the_noise(racer, joint):
     """Constant ratios, ramps of 1300 deg/s^2: what the filter on the motor angle takes at their corners is no
     error."""
@@ -319,6 +325,7 @@ def test_a_single_run_is_extrapolated_and_says_so(racer):
     lambda data: replace(data, gyro=np.zeros_like(data.gyro)),
     lambda data: replace(data, gyro=np.random.default_rng(1).normal(0.0, 1e-3, data.gyro.shape)),
 ), ids=("gyroscope in degrees", "motor in degrees", "dead gyroscope", "gyroscope elsewhere"))
+@pytest.mark.slow
 def test_a_reading_that_is_none_of_the_gear_is_refused(racer, change):
     data = runs_of(racer, GearRuns(joint=1, speed=80.0 * DEGREE, runs=2))
     with pytest.raises(InputError, match="axis 1: .* gear ratio of .* 84.86; expected"):
@@ -326,6 +333,7 @@ def test_a_reading_that_is_none_of_the_gear_is_refused(racer, change):
 
 
 @pytest.mark.parametrize("samples", (1, 2, 5, 60))
+@pytest.mark.slow
 def test_runs_of_a_few_samples_are_refused(racer, samples):
     data = runs_of(racer, GearRuns(joint=1, speed=80.0 * DEGREE, runs=2))
     few = np.concatenate([np.flatnonzero(data.run == run)[500 : 500 + samples] for run in (1, 2)])
@@ -350,6 +358,7 @@ def test_a_robot_that_stands_still_is_refused(racer):
         identify_gears(racer, still)
 
 
+@pytest.mark.slow
 def test_the_error_without_the_low_pass_is_that_of_evaluate(racer, tmp_path):
     """3.4 times as large as behind it here, of one run and one robot: both commands say which theirs is."""
     data = runs_of(racer, GearRuns(joint=1, speed=88.0 * DEGREE, runs=4))

@@ -118,6 +118,7 @@ def _behind(sign, rows):
 
 @pytest.mark.parametrize("encoders", [True, False])
 @pytest.mark.parametrize("passage_s", [0.03, 0.12, 0.25])
+@pytest.mark.slow
 def test_rows_of_a_passage_are_left_out_as_long_as_it_lasts(racer, encoders, passage_s):
     robot, data = to_and_fro(racer, passage_s, encoders)
     instant = to_and_fro(racer, 0.0, encoders)[1]
@@ -190,6 +191,7 @@ def test_a_vibration_in_time_is_told_and_no_gear_is_blamed_alone(racer, shaken):
 
 
 @pytest.mark.parametrize("wave_rad", [0.0, pytest.param(2e-5, marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_counts_of_both_encoders_are_no_gear(racer, wave_rad):
     """Nothing but rounding, to 6 urad at the link: seven waves of the gear at 1.00 before. A wave above it is
     found."""
@@ -215,6 +217,7 @@ def test_counts_of_both_encoders_are_no_gear(racer, wave_rad):
 
 
 @pytest.mark.parametrize("kind", ["low-passed in the sensor", "autoregression", "heavy tails", "random walk"])
+@pytest.mark.slow
 def test_noise_of_any_colour_is_no_oscillation(kind):
     random = np.random.default_rng(11)
     for _ in range(20):

@@ -130,6 +130,7 @@ def test_another_clock_of_the_gyroscope_is_told(late_s, way):
     assert not [text for text in identify_gears(robot, data).warnings if "clock" in text]
 
 
+@pytest.mark.slow
 def test_a_scale_of_the_gyroscope_is_told_beside_the_ratio():
     robot, _, data = case(0.0)
     told = lambda data: [text for text in identify_gears(robot, data).warnings if "count of teeth" in text]
@@ -138,6 +139,7 @@ def test_a_scale_of_the_gyroscope_is_told_beside_the_ratio():
     assert "79.41" in text and "-2 %" in text
 
 
+@pytest.mark.slow
 def test_a_gear_of_which_hardly_a_row_has_a_rate_is_refused_in_words():
     robot, _, data = case(0.0)
     kept = np.random.default_rng(2).random(len(data)) > 0.35
@@ -164,6 +166,7 @@ def test_a_short_motion_in_a_long_rest_keeps_its_waves_and_its_angles():
     assert not any("outside the angles" in words for words in long.warnings)
 
 
+@pytest.mark.slow
 def test_a_late_clock_is_taken_out_and_the_table_is_where_it_is():
     """On a fifth of a turn low orders would take a part of the ramps, and the waves lie late."""
     robot, hidden, data = case(0.0, turns=0.2, runs=4)
@@ -232,6 +235,7 @@ def test_disturbances_that_can_be_told_are_those_of_one_by_one(kind):
 
 
 @pytest.mark.parametrize("travel_rad", [1.6, 1.8, 2.5])
+@pytest.mark.slow
 def test_an_order_of_two_periods_within_the_range_is_found(travel_rad):
     """Its peak lies at the edge of the searched band, whose floor must not be taken from the peak itself: a
     run-out of order 2 had come out in its place."""
@@ -244,6 +248,7 @@ def test_an_order_of_two_periods_within_the_range_is_found(travel_rad):
 
 
 @pytest.mark.parametrize(("order", "travel_rad"), [(5.0, 1.8), (9.0, 1.0)])
+@pytest.mark.slow
 def test_an_order_of_less_than_two_periods_is_dropped_by_name(order, travel_rad):
     """Neighbours above it fit the error down to the noise and are far too large outside the range."""
     robot, data = one_wave(order, travel_rad)
@@ -256,6 +261,7 @@ def test_an_order_of_less_than_two_periods_is_dropped_by_name(order, travel_rad)
     assert abs(deviation(robot, data)) < 2.0
 
 
+@pytest.mark.slow
 def test_high_orders_stay_beside_a_wave_that_is_dropped():
     robot, data = one_wave(5.0, 1.8)
     joint = robot.joints[0]

@@ -60,6 +60,7 @@ def both(one: Dataset, two: Dataset) -> Dataset:
 
 @pytest.mark.parametrize("cls", SENSORS.values())
 @pytest.mark.parametrize("gravity", [(0.0, 0.0, -9.81), (9.81, 0.0, 0.0)])
+@pytest.mark.slow
 def test_derivatives_by_every_parameter_agree_with_differences(cls, gravity):
     """With a tracker's frame in the same session, which gravity does not follow."""
     random = np.random.default_rng(5)
@@ -240,6 +241,7 @@ def test_designed_poses_tell_more_than_random_ones(tmp_path, sensor):
 @pytest.mark.parametrize(("name", "hidden"), [
     ("ur10", {"q_offset_3_rad", "q_offset_4_rad"}), ("panda", set()),
 ])
+@pytest.mark.slow
 def test_a_design_promises_nothing_of_angles_that_no_reading_parts(tmp_path, name, hidden):
     """The zeros of parallel axes turn the sensor alike: 10 mrad each, and 0.02 mm were promised."""
     found = design_gravity(load_robot(name), "accel", ClosureDesignOptions(count=40))

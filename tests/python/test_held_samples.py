@@ -54,6 +54,7 @@ def left(data):
     ({"q_hz": 25.0}, 2496),
     ({"q_hz": 62.0, "tracker_hz": 28.0, "start_s": (0.0011, 0.0037)}, 559),
 ], ids=["tracker", "tracker of its own clock", "angles", "both"])
+@pytest.mark.slow
 def test_only_new_readings_are_used(rates, rows):
     """Repeated readings leave 4.2 to 5.0 mm, new ones 0.020 to 0.046 mm (straight lines, as `left` draws
     them): seeds 0 to 2, of which the first is run."""

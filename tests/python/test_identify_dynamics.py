@@ -172,6 +172,7 @@ def test_friction_only_keeps_the_masses():
     ((), "no torque constant of axes 1, 2, 3, 4, 5 and 6 is declared"),
     (range(5), "no torque constant of axis 6 is declared"), (range(6), None),
 ])
+@pytest.mark.slow
 def test_currents_are_said_to_lack_a_constant_where_they_do(declared, words):
     """It was said of every log of currents, whatever the robot file declares."""
     truth = true_arm()

@@ -131,6 +131,7 @@ def cell():
     return arm, truth, poses, path
 
 
+@pytest.mark.slow
 def test_a_certificate_judges_orientation_and_paths(cell):
     arm, truth, poses, path = cell
     known = replace(truth, base=Placement(), tool=Placement())
@@ -158,6 +159,7 @@ def test_a_certificate_judges_orientation_and_paths(cell):
     (lambda p: p * [1.0, -1.0, 1.0], "set-up, robot or unit|mirror"),
     (lambda p: 1.2 * p, "set-up, robot or unit"), (lambda p: p + [0.0, 0.3, 0.0], "set-up, robot or unit"),
 ])
+@pytest.mark.slow
 def test_a_path_where_no_calibrated_arm_goes_is_refused_with_a_guess(cell, mistake, words):
     arm, truth, poses, path = cell
     known = replace(truth, base=Placement(), tool=Placement())
@@ -166,6 +168,7 @@ def test_a_path_where_no_calibrated_arm_goes_is_refused_with_a_guess(cell, mista
         ea.certify(known, poses, before=arm, path=replace(path, position=mistake(path.position)), threads=1)
 
 
+@pytest.mark.slow
 def test_a_path_that_lies_beside_as_one_body_is_told(cell):
     """By 5 mm of another set-up; as it is, nothing is said."""
     arm, truth, poses, path = cell

@@ -25,6 +25,7 @@ def planned():
     return robot, poses, isolability(robot, poses, NOISE_M, 0)
 
 
+@pytest.mark.slow
 def test_seen_is_the_length_that_a_fit_leaves_of_the_cause(planned, monkeypatch):
     """A tracker's scales at their plausible sizes, one after the other: what the declared parameters cannot
     absorb of each, in noise-free data, all components weighed alike as under the noise of the table."""
@@ -41,6 +42,7 @@ def test_seen_is_the_length_that_a_fit_leaves_of_the_cause(planned, monkeypatch)
     assert np.sqrt(sum(squares)) / NOISE_M == pytest.approx(table.seen[at], rel=0.1)
 
 
+@pytest.mark.slow
 def test_every_cause_has_a_name_of_its_own(planned):
     """Growth of a link and drift of an axis were both "thermal drift of axis 1": one lost its column."""
     titles = planned[2].titles

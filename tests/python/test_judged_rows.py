@@ -25,6 +25,7 @@ def touched(request):
     return kind, robot.nominal, data, np.concatenate([np.flatnonzero(data.contacts[kind] == 0), second])
 
 
+@pytest.mark.slow
 def test_touches_that_a_contact_explains_by_itself_do_not_lower_the_error(touched):
     kind, robot, data, rows = touched
     few = evaluate_closures(robot, data.select(rows))
@@ -33,6 +34,7 @@ def test_touches_that_a_contact_explains_by_itself_do_not_lower_the_error(touche
     assert f"rows of {kind} 1 of session" in told and f"at least {JUDGED_FROM[kind]} touches" in told
 
 
+@pytest.mark.slow
 def test_a_contact_that_other_rows_have_fitted_judges_a_single_touch(touched):
     kind, robot, data, _ = touched
     layout = nominal_closures(robot, data, Layout.of(())).layout
@@ -41,6 +43,7 @@ def test_a_contact_that_other_rows_have_fitted_judges_a_single_touch(touched):
     assert judged_rows(data).all() and unjudged_lines(data) == ()
 
 
+@pytest.mark.slow
 def test_touches_of_which_none_can_be_judged_are_refused(touched):
     kind, robot, data, _ = touched
     names = np.arange(len(data)) // max(JUDGED_FROM[kind] - 1, 1)  # every contact one touch short

@@ -40,6 +40,7 @@ def test_jumps_are_counted_beside_a_drift_that_was_fitted(places):
 
 
 @pytest.mark.parametrize("ratio, memory", [(0.3, 8.0), (1.0, 8.0), (1.0, 32.0), (4.0, 2.0)])
+@pytest.mark.slow
 def test_noise_that_neighbours_share_does_not_jump(ratio, memory):
     """Seeds 0 to 19 of each, none chosen: at most one in twenty, as its price promises (none is found). What
     wanders with a memory of nearly all rows is a drift, which is told whether it jumps or not."""

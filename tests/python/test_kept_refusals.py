@@ -35,6 +35,7 @@ def arm(**controller):
 
 
 @pytest.mark.parametrize("name", OFFSET)
+@pytest.mark.slow
 def test_an_offset_motion_is_refused_or_stays_and_the_others_are_corrected(name, tmp_path):
     dialect = name.partition(",")[0]
     chain = "calibrated" if dialect == "urscript" else "nominal"

@@ -25,6 +25,7 @@ def with_reading(row, axis, change):
 @pytest.mark.parametrize("name, rows, axis, off", [
     ("theta", [300], 1, 0.5 * 82.0), ("theta", [300, 301], 2, 0.05 * 80.0), ("tau", [41], 1, 3e4),
 ])
+@pytest.mark.slow
 def test_a_reading_that_stands_alone_is_told_with_its_row_and_nothing_else(name, rows, axis, off):
     """An angle off by 0.5 rad was taken for other masses, a torque of 3e4 Nm for driving friction."""
     data = motion(ROBOT)
@@ -58,12 +59,14 @@ def test_poses_are_left_to_their_own_check():
 
 
 @pytest.mark.parametrize("unit, per_Nm", [("lbf ft", 0.737562), ("lbf in", 8.85075), ("kgf m", 0.1019716)])
+@pytest.mark.slow
 def test_a_unit_of_torque_near_newton_metres_is_told_beside_declared_masses(unit, per_Nm):
     """These went through without a word, or without their name."""
     found = first_aid(ROBOT, column(motion(ROBOT), "tau", scaled(slice(None), per_Nm)))
     assert len(found) == 1 and f"with {unit} labelled as Nm" in found[0], found
 
 
+@pytest.mark.slow
 def test_a_clock_that_drifts_anew_in_every_run_is_told_with_its_rate():
     """It was told as torques logged earlier throughout."""
     data = motion(ROBOT)

@@ -28,6 +28,7 @@ def with_zeros(data, name, axis, rows):
     ("tau_motor", 2, np.arange(50, 45000, 50)),
     ("theta", 3, (np.arange(100, 45000, 500)[:, None] + np.arange(MOST_ROWS)).ravel()),
 ])
+@pytest.mark.slow
 def test_zeros_between_other_readings_are_told(tx40, name, axis, rows):
     robot, data = tx40
     found = first_aid(robot, with_zeros(data, name, axis, rows))

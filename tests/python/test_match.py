@@ -50,6 +50,7 @@ def test_reach_is_that_of_the_stretched_arm(arm):
     ({"angle": 180.0 / np.pi}, "degrees labelled as radians"),
     ({"angle": np.pi / 180.0}, "radians labelled as degrees"),
 ], ids=lambda value: value if isinstance(value, str) else "")
+@pytest.mark.slow
 def test_wrong_unit_is_named(arm, factors, words):
     line = refusal_of(evaluate_poses, arm, scaled(data_of(arm), **factors))
     assert "robot and data do not match: " in line and words in line
@@ -76,6 +77,7 @@ def test_exchanged_axes_are_refused(arm):
     assert "is it axes 2 and 3 exchanged?" in line
 
 
+@pytest.mark.slow
 def test_badly_mastered_robot_passes(arm):
     """Zeros off by half a degree on every axis and lengths by millimetres: bad, but this robot."""
     data = data_of(arm, scale=9.0, count=60)
@@ -94,6 +96,7 @@ def test_session_at_fault_is_named(arm):
 
 
 @pytest.mark.parametrize("command", ["calibrate", "evaluate", "identifiable", "diagnose"])
+@pytest.mark.slow
 def test_every_command_on_poses_asks_first(arm, tmp_path, capsys, command):
     write_robot(tmp_path / "robot.toml", arm)
     write_dataset(tmp_path / "poses.csv", scaled(data_of(arm), length=1e3), arm)
@@ -104,6 +107,7 @@ def test_every_command_on_poses_asks_first(arm, tmp_path, capsys, command):
     assert not (tmp_path / "out" / "result.json").exists()
 
 
+@pytest.mark.slow
 def test_what_all_rows_show_is_said_where_the_fitted_ones_show_nothing(arm, tmp_path, capsys):
     """A tracker without its target repeats what it saw last, in more of the fitted rows than gross errors are
     looked for among."""

@@ -155,6 +155,7 @@ TABLES = {  # (function of tables, the tables), and the call as it is told
 
 
 @pytest.mark.parametrize("told", TABLES)
+@pytest.mark.slow
 def test_a_command_gives_what_it_gives_with_files(told, measured, tmp_path):
     call, tables = TABLES[told][0], TABLES[told][1](measured)
     paths = [tmp_path / f"table{i}.csv" for i in range(len(tables))]

@@ -52,6 +52,7 @@ def calibrated(poses):
     return calibrate(*poses, compliance=(), threads=1)
 
 
+@pytest.mark.slow
 def test_poses_in_another_order_give_the_same_arm(poses, calibrated):
     robot, data = poses
     shuffled = data.select(np.random.default_rng(1).permutation(len(data)))

@@ -106,6 +106,7 @@ def test_the_answer_follows(command, law):
 
 
 @pytest.mark.parametrize("command", [pytest.param(each, marks=MARKS[each]) for each in COMMANDS])
+@pytest.mark.slow
 def test_errors_grow_with_the_noise(command):
     one, three = (reference(command, noise) for noise in (NOISE_M, 3.0 * NOISE_M))
     assert three[0] == one[0] and three[1] == pytest.approx([3.0 * value for value in one[1]], rel=0.1)

@@ -63,6 +63,7 @@ SAME_TABLE = {
 
 
 @pytest.mark.parametrize("law", SAME_TABLE)
+@pytest.mark.slow
 def test_merged_rows_are_the_same(law, tmp_path):
     found = merged(tmp_path, **SAME_TABLE[law]).data
     np.testing.assert_allclose(found.joints["q"], ANGLES, rtol=0.0, atol=1e-13)

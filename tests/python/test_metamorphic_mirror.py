@@ -73,6 +73,7 @@ def runs(noise_rad_s: float) -> Dataset:
     return replace(data, identification=data.run <= 2)
 
 
+@pytest.mark.slow
 def test_the_mirror_image_of_an_arm_has_the_mirror_image_of_its_errors():
     robot = load_robot("ur10")
     data = read_dataset(data_path("ur10/series_B.csv"), robot)
@@ -100,6 +101,7 @@ def test_intervals_of_a_calibration_grow_with_the_noise():
     np.testing.assert_allclose([width(other[name]) / width(one[name]) for name in inside], 3.0, rtol=0.05)
 
 
+@pytest.mark.slow
 def test_the_mirror_image_of_a_gear_turns_the_other_way():
     robot, data = load_robot("racer-7-1.4"), runs(1e-3)
     one = plain(gear(robot, data, threads=1).json)["gears"]
@@ -116,6 +118,7 @@ def test_the_mirror_image_of_a_gear_turns_the_other_way():
             assert b["b"]["value"] == pytest.approx(-a["b"]["value"], abs=1e-2 * width(a["b"]))
 
 
+@pytest.mark.slow
 def test_intervals_of_a_gear_grow_with_the_noise():
     robot = load_robot("racer-7-1.4")
     one, other = (plain(gear(robot, runs(noise), threads=1).json)["gears"] for noise in (3e-4, 9e-4))

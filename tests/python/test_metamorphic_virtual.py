@@ -132,6 +132,7 @@ def test_weights_in_another_order_and_paths_in_another_order_are_the_same_study(
 
 
 # -- corners -----------------------------------------------------------------------------------------------
+@pytest.mark.slow
 def test_pictures_in_another_order_have_the_same_corners(tmp_path):
     content = samples()["board.png"]
     for name in ("a.png", "b.png"):

@@ -58,6 +58,7 @@ def experiments(doubtful):
                                      0)
 
 
+@pytest.mark.slow
 def test_most_of_what_is_open_would_be_known(experiments):
     robot, _, found = experiments
     best = found[0]
@@ -67,6 +68,7 @@ def test_most_of_what_is_open_would_be_known(experiments):
     assert np.all((best.q >= space.lower - 1e-9) & (best.q <= space.upper + 1e-9))
 
 
+@pytest.mark.slow
 def test_chosen_poses_tell_more_than_random_ones(experiments):
     robot, fitted, found = experiments
     rng, space, place = np.random.default_rng(5), PoseSpace.of(robot), Place(fitted.layout.effects[-1], 0.5,

@@ -42,6 +42,7 @@ def test_a_model_that_is_warned_of_is_not_handed_out():
     assert look.startswith("Look at the largest errors before") and "exactarm diagnose" in diagnose
 
 
+@pytest.mark.slow
 def test_the_page_of_a_calibration_says_it_before_the_evidence():
     report = ea.calibrate("ur10", "ur10/series_B", threads=1).report
     assert [getattr(section, "heading", "") for section in report.sections][1] == "What to do next"

@@ -24,6 +24,7 @@ DEGREE = np.pi / 180.0
 
 @pytest.mark.parametrize("noise_rad", [1e-4, None])
 @pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.slow
 def test_a_wrist_that_is_not_as_drawn_is_no_mistake(seed, noise_rad):
     """Axis 5 lies 2.2 mm beside its place: a tool on an axis 6 that stood still could take that up."""
     rng, arm = np.random.default_rng(seed), six_axis(placed=False)
@@ -49,6 +50,7 @@ LARGE = arm_of([(0.29, 0, -90, 0), (0, 0.76, 180, -90), (0, 0, -90, -90),
 
 
 @pytest.mark.parametrize("seed", [11, 14, 32])
+@pytest.mark.slow
 def test_another_arm_is_asked_for_though_one_that_hardly_turns_fits_better(seed):
     """Poses of a small arm in a narrow place, its tool always about as before, beside the file of a larger
     one: of seeds 0 to 59 these and five more were asked for degrees, or for a racer-7-1.4."""

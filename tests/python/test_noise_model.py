@@ -95,6 +95,7 @@ def moderate_rows(seed, rows, freedom=np.inf, share=0.03):
 
 
 @pytest.mark.parametrize("rows", [60, 150, 400])
+@pytest.mark.slow
 def test_rows_of_five_to_25_times_the_noise_are_wrong_by_themselves(rows):
     caught, good = [], []
     for seed in range(20):

@@ -34,6 +34,7 @@ def error(seed, noise):
 
 
 @pytest.mark.parametrize("seed", range(4))
+@pytest.mark.slow
 def test_precise_coordinates_are_not_spoilt_by_another(seed, monkeypatch):
     """Weighed alike, the noise of z is in all parameters: 0.029 to 0.053 mm are left, else 0.010 to 0.013.
     Seeds: the first four, none was left out (0 to 7: 0.029 to 0.059 mm, and 0.009 to 0.013)."""

@@ -93,6 +93,7 @@ def test_neighbours_in_a_corner_are_not_suspected_for_their_orientations(ur10): 
 
 
 @pytest.mark.parametrize("arm", ["ur10", "panda"])
+@pytest.mark.slow
 def test_right_rows_are_not_suspected_in_any_order(arm):
     """An arm 1 mm wrong leaves more in one corner than in another; sorted rows put neighbours together."""
     robot = load_robot(arm)

@@ -91,6 +91,7 @@ def test_a_mistake_in_one_run_is_told_with_the_run(runs, name):
     assert len(said) == 1 and f"with {words} in run 2 (row 801 to row 1600)" in said[0], said
 
 
+@pytest.mark.slow
 def test_of_two_runs_either_may_be_the_wrong_one(runs):
     said = odd_runs(six_axis(), joined(runs[0], MISTAKES["mNm"][0](runs[1])))
     assert "in run" in said[0].text and "(or the reverse in the other run)" in said[0].text
@@ -159,11 +160,13 @@ TRACKED = {
 }
 
 
+@pytest.mark.slow
 def test_right_runs_under_a_tracker_are_not_suspected(tracked):
     assert first_aid(*tracked) == ()
 
 
 @pytest.mark.parametrize("name", names_of(TRACKED))
+@pytest.mark.slow
 def test_a_mistake_in_one_run_under_a_tracker_is_told_with_its_rows(tracked, name):
     robot, data = tracked
     angles, positions, words = TRACKED[name]

@@ -93,6 +93,7 @@ def shown(module):
 
 
 @pytest.mark.parametrize("command", NAMES)
+@pytest.mark.slow
 def test_every_option_in_the_help_is_read(command):
     module = import_command(command)
     trees = parts(find_commands()[command][0])
@@ -102,6 +103,7 @@ def test_every_option_in_the_help_is_read(command):
 
 @pytest.mark.parametrize("name", ["seed", "threads"])
 @pytest.mark.parametrize("command", NAMES)
+@pytest.mark.slow
 def test_seed_and_threads_stand_in_the_help_where_they_act(command, name):
     module = import_command(command)
     assert (name in shown(module)) == acts(parts(find_commands()[command][0]), name, module.NAME)

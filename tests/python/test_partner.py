@@ -173,6 +173,7 @@ def test_a_partner_of_another_size_is_refused():
         calibrate_closures(robot.nominal, with_partner(data, long))
 
 
+@pytest.mark.slow
 def test_a_partner_with_other_axes_is_refused():
     robot, data, _ = touched("panda", 1, count=20)
     with pytest.raises(InputError, match="angles of 7 axes of the partner; its robot file .* has 6"):

@@ -47,6 +47,7 @@ def measured(robot, how, monkeypatch, **more):
         return how(virtual, time, virtual.motor_angles(q), Sensors(), random, **more)
 
 
+@pytest.mark.slow
 def test_rows_that_hang_on_the_passage_of_a_motion_are_left_out(rigid, monkeypatch):
     data = measured(rigid, measure_motion, monkeypatch)
     record = motion_record(rigid, data)
@@ -78,6 +79,7 @@ def to_and_fro_with_rests(robot, rate_hz):
     return time, q
 
 
+@pytest.mark.slow
 def test_an_axis_at_rest_passes_as_it_moves_on(rigid, monkeypatch):
     """Rows behind the end of a rest were kept, for the passages that were tried lay about its middle: torques
     of a blind test (motion 97811) were given a hysteresis at 0.998 for them."""

@@ -77,6 +77,7 @@ def test_loads_the_arm_as_a_declared_payload_does(rows, springs):
 
 @pytest.mark.parametrize("springs", [(), BENDING])
 @pytest.mark.parametrize("rows", [ALL, UP_TO])
+@pytest.mark.slow
 def test_derivatives(rows, springs):
     robot = six_axis(springs=True)
     data = poses("ur10", 2, whole(0.0))[1]

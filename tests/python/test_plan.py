@@ -29,6 +29,7 @@ THREADS = PlanOptions(threads=2)
 
 
 @pytest.mark.parametrize("name, rms", [("line", 5e-8), ("spiral", 2e-6)])
+@pytest.mark.slow
 def test_the_paths_of_the_source_are_followed_within_a_micrometre(name, rms):
     plan = plan_path(ROBOT, load_path(name), THREADS)
     assert plan.solver.status == "solved" and plan.solver.iterations <= 5
@@ -52,6 +53,7 @@ def test_motor_angles_return_the_link_angles_through_the_chain():
                                                                                                     abs=1e-6)
 
 
+@pytest.mark.slow
 def test_both_solvers_and_any_number_of_threads_give_the_same_motion():
     own = plan_path(ROBOT, LINE, THREADS)
     ipopt = plan_path(ROBOT, replace(LINE, solver="ipopt"), PlanOptions(threads=1))
@@ -165,6 +167,7 @@ def test_a_robot_without_springs_and_masses_is_planned_as_a_rigid_one():
 
 @pytest.mark.parametrize("kind, nu", [("acceleration", 1e-14), ("jerk", 1e-18)])
 @pytest.mark.parametrize("rigid", [(3, 4, 5), (0,), (0, 1, 2, 3, 4)])
+@pytest.mark.slow
 def test_rigid_joints_among_elastic_ones_follow_their_gears(rigid, kind, nu):
     joints = tuple(replace(joint, spring_linear=0.0, spring_cubic=0.0) if i in rigid else joint
                    for i, joint in enumerate(ROBOT.joints))

@@ -63,6 +63,7 @@ def test_failures_end_with_their_code_and_one_line(tmp_path, monkeypatch, capsys
     assert error[-1].startswith("exactarm: error:") and text in error[-1]
 
 
+@pytest.mark.slow
 def test_a_path_that_is_not_followed_is_told(tmp_path):
     """A weight of the input by which the flange misses by millimetres; by the default it is nanometres."""
     for nu, told in (("1e6", True), ("1e-14", False)):

@@ -114,6 +114,7 @@ TAKEN = {
 
 
 @pytest.mark.parametrize("name", TAKEN)
+@pytest.mark.slow
 def test_points_with_numbers_keep_the_real_tip_on_its_line(tmp_path, name):
     case = TAKEN[name]
     (tmp_path / "plain").mkdir()
@@ -183,6 +184,7 @@ NOT_TAKEN = {
 
 
 @pytest.mark.parametrize("name", NOT_TAKEN)
+@pytest.mark.slow
 def test_where_no_points_can_be_put_it_is_told_by_line(tmp_path, name):
     case = NOT_TAKEN[name]
     written, result = dense(tmp_path, case)
@@ -267,6 +269,7 @@ def test_statements_that_move_nothing_do_not_keep_points_out(tmp_path, name):
 
 
 @pytest.mark.parametrize("name", ELSEWHERE)
+@pytest.mark.slow
 def test_no_points_are_put_where_the_arm_may_come_from_elsewhere(tmp_path, name):
     """They lie on the line from the motion above: an arm that comes another way would be sent there first."""
     written, result = dense(tmp_path, ELSEWHERE[name])

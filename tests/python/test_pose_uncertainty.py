@@ -45,6 +45,7 @@ def share_inside(robot, data, fresh):
 
 
 @pytest.mark.parametrize("half", [NARROW, WIDE])
+@pytest.mark.slow
 def test_the_ellipsoids_hold_95_percent_of_fresh_rows(arm, half):
     true, robot, rng = arm
     share, found = share_inside(robot, series(true, rng, 1500, half), series(true, rng, 3000, half))

@@ -121,6 +121,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", RIGHT)
+@pytest.mark.slow
 def test_every_motion_reaches_what_the_program_meant(tmp_path, name):
     corrected(tmp_path, ROBOT, execute, files(*RIGHT[name]), **GIVEN)
 

@@ -220,11 +220,13 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", RIGHT)
+@pytest.mark.slow
 def test_every_motion_reaches_what_the_program_meant(tmp_path, name):
     corrected(tmp_path, ROBOT, execute, files(*RIGHT[name]), **OPTIONS)
 
 
 @pytest.mark.parametrize("name", REFUSED)
+@pytest.mark.slow
 def test_what_has_no_one_right_number_is_refused(tmp_path, name):
     refused(tmp_path, ROBOT, files(*REFUSED[name]), **OPTIONS)
 

@@ -218,6 +218,7 @@ def files(data, body):
 
 
 @pytest.mark.parametrize("name", RIGHT)
+@pytest.mark.slow
 def test_every_motion_reaches_what_the_program_meant(tmp_path, name):
     corrected(tmp_path, ROBOT, execute, files(*RIGHT[name]))
 
@@ -245,6 +246,7 @@ def test_one_frame_without_a_name_does_not_stand_for_two(tmp_path):
 
 
 @pytest.mark.parametrize("name", REFUSED)
+@pytest.mark.slow
 def test_what_has_no_one_right_number_is_refused(tmp_path, name):
     refused(tmp_path, ROBOT, files(*REFUSED[name]))
 
@@ -311,6 +313,7 @@ HIDDEN = {
 
 @pytest.mark.parametrize("order", [1, -1])
 @pytest.mark.parametrize("name", APART)
+@pytest.mark.slow
 def test_data_of_other_modules_are_read_when_they_are_given_too(tmp_path, name, order):
     parts = [part for files in APART[name] for part in files.items()]
     given = dict(parts[::order])

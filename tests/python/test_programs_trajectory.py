@@ -70,6 +70,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", RIGHT)
+@pytest.mark.slow
 def test_every_point_is_reached(tmp_path, name):
     corrected(tmp_path, ROBOT, execute, {"prog.yaml": RIGHT[name].encode()})
 

@@ -167,6 +167,7 @@ def files(body):
 
 
 @pytest.mark.parametrize("name", RIGHT)
+@pytest.mark.slow
 def test_every_motion_reaches_what_the_program_meant(tmp_path, name):
     corrected(tmp_path, ROBOT, execute, files(RIGHT[name]), **START)
 

@@ -49,6 +49,7 @@ def test_what_drives_nothing_is_estimated_at_zero_or_above(name):
     assert all(parameter.lower == 0.0 for parameter in effect.parameters())
 
 
+@pytest.mark.slow
 def test_a_negative_friction_ends_at_zero_and_is_said():
     robot = load_robot("racer-7-1.4")
     time_s, q = excitation(robot, 4.0, 200.0, np.random.default_rng(3))

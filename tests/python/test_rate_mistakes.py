@@ -49,6 +49,7 @@ def test_rates_of_something_else_are_told(tx40, change, words):
     assert any(words in line for line in first_aid(robot, changed(data, change)))
 
 
+@pytest.mark.slow
 def test_right_rates_are_not_suspected(tx40):
     robot, data = tx40
     assert first_aid(robot, data) == ()

@@ -33,6 +33,7 @@ def motion(robot, of_motor: bool = False):
 
 @pytest.mark.parametrize("of_motor", [False, True])
 @pytest.mark.parametrize("axis", [1, 2])
+@pytest.mark.slow
 def test_a_ratio_ten_per_cent_wrong_is_told_with_the_right_one(axis, of_motor):
     true = ROBOT.joints[axis].ratio
     said = first_aid(ROBOT.with_joint(axis, ratio=1.1 * true), motion(ROBOT, of_motor))

@@ -46,6 +46,7 @@ def test_visits_that_are_named_so_are_a_measure_of_the_noise():
     assert result["noise_floor"] < 2.0 * np.sqrt(3.0) * DEVICE_M
 
 
+@pytest.mark.slow
 def test_what_a_fit_has_taken_is_missing_in_what_poses_share():
     """34 poses, three readings each, 60 parameters of the poses fitted away."""
     random = np.random.default_rng(4)

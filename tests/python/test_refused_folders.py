@@ -47,6 +47,7 @@ def one_line(words, capsys) -> str:
 
 
 @pytest.mark.parametrize("command", RUNS)
+@pytest.mark.slow
 def test_a_file_of_the_user_is_found_before_the_work(command, folder, tmp_path, monkeypatch, capsys):
     words = words_of(command, folder, tmp_path / "out")
     module = idle(command, monkeypatch)

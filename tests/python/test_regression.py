@@ -67,6 +67,7 @@ def test_curved_problem_converges_from_afar():
 
 @pytest.mark.parametrize(("series", "half_m", "most"), [
     ("C", 0.15, 25), pytest.param("B", 0.4, 40, marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_real_poses_of_a_narrow_cube_converge_in_tens_of_iterations(series, half_m, most):
     """Lengths and frames trade against each other there along a curved valley: plain Gauss-Newton with
     damping took 245 iterations for the first and 1,776 for the second; scipy's `lm` takes 103 and 144
@@ -252,6 +253,7 @@ def test_dependent_columns_give_a_finite_best_fit():
 
 
 @pytest.mark.parametrize("count", [8, 40])
+@pytest.mark.slow
 def test_intervals_hold_the_truth_in_19_of_20_repeats(count):
     """Few and many degrees of freedom; 400 repeats of 2 parameters: 95 % within 3 standard errors."""
     rng = np.random.default_rng(9)
@@ -266,6 +268,7 @@ def test_intervals_hold_the_truth_in_19_of_20_repeats(count):
 
 
 @pytest.mark.parametrize("gross", [0.0, 0.1])
+@pytest.mark.slow
 def test_robust_intervals_hold_the_truth_beside_gross_errors(gross):
     """Neither widened by a tenth of wrong rows nor too narrow on clean ones; groups of 3 as for positions."""
     rng = np.random.default_rng(10)

@@ -50,6 +50,7 @@ def test_poses_read_once_are_worth_a_row_each():
 
 
 @pytest.mark.parametrize("orientation", [False, True])
+@pytest.mark.slow
 def test_more_readings_of_the_same_poses_narrow_no_interval(orientation):
     options = replace(OPTIONS, orientation=orientation)
     once, often = (calibrate(arm(), read_again(np.random.default_rng(3), count), options)

@@ -126,6 +126,7 @@ def test_in_motion_a_measured_torque_is_no_static_load(rng):
 
 @pytest.mark.parametrize("moments", [False, True])
 @pytest.mark.parametrize("measured", [(), (1,)])
+@pytest.mark.slow
 def test_compliance_under_any_load_passes_the_central_difference(rng, measured, moments):
     guessed = with_generic_masses(replace(six_axis(), links=None))
     tau = np.full((ROWS, 6), np.nan)

@@ -209,6 +209,7 @@ def leaning_scara() -> Robot:
     return replace(arm, joints=(*leans, arm.joints[3]))
 
 
+@pytest.mark.slow
 def test_a_table_without_the_tilt_of_parallel_axes_is_as_good_as_one_with_it():
     """A SCARA of four parameters a frame stayed at twice its noise and more."""
     made = ea.simulate(leaning_scara(), count=60, seed=8, noise=NOISE_M)

@@ -55,6 +55,7 @@ def fitted_problem(robot, data):
     return problem, problem.declared()
 
 
+@pytest.mark.slow
 def test_effects_that_poses_show_step_by_step_are_bagged_pose_by_pose(monkeypatch):
     """Of two halves of measured poses of a UR10 one had a base with 0.9997 and the other a spring instead."""
     problem, declared = fitted_problem(*poses({"effect": "gear_ratio", "joint": 2, "scale": 1e-3}))
@@ -124,6 +125,7 @@ def test_a_fit_without_an_effect_is_clear_of_all_others():
     assert without.spent == pytest.approx(float(np.sum(expected[: without.data_numbers] ** 2)), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_an_effect_that_ends_at_its_bound_does_not_enter(monkeypatch):
     """A coupling of 20 rad per rad cannot be: the fit ends at 10, and the effect stays out."""
     problem, declared = undisturbed()

@@ -79,6 +79,7 @@ def test_the_mains_are_known_folded_too(frequency, sampling_hz, mains):
     assert mains_near(frequency, 0.3, sampling_hz) == mains
 
 
+@pytest.mark.slow
 def test_noise_alone_has_no_tone():
     """100 data sets, at a stated rate of false alarms of 1e-4 each: none is expected."""
     found = [find_tones(runs(seed, coloured=seed % 2 == 1)) for seed in range(100)]

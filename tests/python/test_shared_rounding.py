@@ -69,6 +69,7 @@ def test_the_density_is_that_of_the_covariance(model):
 
 
 @pytest.mark.parametrize("size", [0.5, 1.0, 3.0])
+@pytest.mark.slow
 def test_rounding_is_told_from_commanded_angles_on_a_grid(size):
     """The noise beside it is found in both cases; twenty sets each."""
     for seed in range(20):

@@ -193,6 +193,7 @@ def test_parquet_holds_the_decimals_of_the_source(name, count):
         np.testing.assert_array_equal(digits_of(values, count), values)
 
 
+@pytest.mark.slow
 def test_single_precision_gives_the_five_digits_of_the_motion_back():
     """Half a step of the fifth digit is at least 5e-6 of a number; single precision keeps 6e-8."""
     table = pd.read_parquet(example("tx40/motion"))

@@ -14,6 +14,7 @@ from exactarm.robot_file import load_robot
 
 
 @pytest.mark.parametrize("contact", [*TOUCHED, pytest.param("pair", marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_the_true_target_touches_within_the_noise(tmp_path, contact):
     words = ["simulate", "panda", "--measure", "closures", "--contact", contact, "--places", "2", "--count",
              "5",

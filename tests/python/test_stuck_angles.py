@@ -39,6 +39,7 @@ def test_an_overwritten_angle_is_told(tx40, axis):
 
 
 @pytest.mark.parametrize("name, axis", [("ur10", 1), ("ur10", 3), ("racer-7-1.4", 2)])
+@pytest.mark.slow
 def test_an_axis_that_stands_is_not_suspected(name, axis):
     """Held against gravity and the others' inertia, or by a brake, which leaves noise alone. The noise is
     absolute: axis 6 of a UR10 carries nothing, and any mistake explains a torque of 1e-19 Nm better. The seed

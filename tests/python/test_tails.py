@@ -32,11 +32,13 @@ def share(kind: str, least: float) -> float:
 
 
 @pytest.mark.parametrize("kind", ["clean", "tails"])
+@pytest.mark.slow
 def test_rows_are_hardly_ever_wrong_where_none_is(kind):
     """One set in twenty at most, as `nothing` has it; none of them surely."""
     assert share(kind, 0.5) <= 0.05 and share(kind, 0.95) == 0.0
 
 
 @pytest.mark.parametrize("kind", ["rows", "components"])
+@pytest.mark.slow
 def test_wrong_rows_are_found(kind):
     assert share(kind, 0.5) > 0.95 and share(kind, 0.95) > 0.95

@@ -77,6 +77,7 @@ def test_the_shipped_arms_are_accused_of_nothing_and_mistakes_in_them_are_named(
     assert told(changed(robot, data)) == []
 
 
+@pytest.mark.slow
 def test_a_single_face_and_a_few_touches_accuse_nothing():
     robot, data = touched("ur10", "plane", 3, count=20)
     few = data.select(data.contacts["plane"] == 0).select(np.arange(0, 60, 5))
@@ -100,6 +101,7 @@ def test_the_refusal_of_touches_names_the_mistake(tmp_path, capsys):
     assert "with the opposite sign of axis 4 the data would fit" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_distances_of_seats_that_nobody_touched_are_told():
     """The fixture numbers its seats from 0, the rows theirs from 1: the only known length was lost."""
     robot, data = touched("ur10", "socket", 1, count=12)

@@ -22,6 +22,7 @@ def result(data):
     return ea.calibrate("ur10", data, compliance=(2,), threads=1)
 
 
+@pytest.mark.slow
 def test_data_are_a_value_that_shows_in_one_line(data):
     assert repr(data) == "<Dataset: 1495 rows, poses, 6 axes; series_B.csv>"
     same = pickle.loads(pickle.dumps(data))
@@ -30,6 +31,7 @@ def test_data_are_a_value_that_shows_in_one_line(data):
     assert other != data and len({data, same, other}) == 2
 
 
+@pytest.mark.slow
 def test_estimates_are_a_table(result):
     table = result.parameters
     assert list(table.columns) == ["value", "low", "high"]
@@ -133,6 +135,7 @@ def test_a_call_that_cannot_be_meant_is_refused_in_words(said, data):
 
 
 @pytest.mark.parametrize("robot", ["ur10", "file", "value"])
+@pytest.mark.slow
 def test_data_are_read_with_the_robot_first_too(robot, data, tmp_path):
     """As in every command; callers that name the files first are not disturbed."""
     arm = ea.load_robot("ur10")

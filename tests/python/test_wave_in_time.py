@@ -52,6 +52,7 @@ def frequency_told(result):
 
 
 @pytest.mark.parametrize("begins_with_run", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_a_floor_that_shakes_is_no_gear(racer, begins_with_run):
     """Where it begins with every run it imitates a gear of two tables: direction and speed dependence at 1.00
     before."""

@@ -47,6 +47,7 @@ def predicted(effect: Effect | None, rate_hz: float, record: GearRecord | None =
 
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=lambda effect: effect.name if effect else "declared")
+@pytest.mark.slow
 def test_a_slow_log_shows_what_a_fast_one_does(effect):
     fast, slow = predicted(effect, 4000.0)[::40], predicted(effect, 100.0)
     inside = np.ones(slow.size, bool)
@@ -60,6 +61,7 @@ def test_a_slow_log_shows_what_a_fast_one_does(effect):
 
 
 @pytest.mark.parametrize("effect", EFFECTS[1:], ids=lambda effect: effect.name)
+@pytest.mark.slow
 def test_so_do_the_columns_that_causes_are_searched_by(effect):
     columns = []
     for rate_hz, every in ((4000.0, 40), (100.0, 1)):
