@@ -18,17 +18,19 @@ def causes(nothing, *names):
     return Causes(("declared", "with them"), places, (), nothing, 0.1, None, None, 0.0, 0.0)
 
 
-@pytest.mark.parametrize("nothing, sure, calmed", [
-    (0.3, (1e-6,), True), (0.3, (1e-6, 0.4), True), (0.3, (1e-6, 0.6), False), (0.01, (1e-6,), False)])
-def test_all_must_be_refuted_and_nothing_be_likely_beforehand(nothing, sure, calmed):
+@pytest.mark.parametrize("nothing, sure, gain, calmed", [
+    (0.3, (1e-6,), -4.0, True), (0.3, (1e-6, 0.4), -4.0, True), (0.3, (1e-6, 0.6), -4.0, False),
+    (0.01, (1e-6,), -1.0, False), (0.01, (1e-6,), -2.0, True), (1e-6, (1e-6,), -9.0, False),
+    (0.01, (1e-6,), 9.0, False)])
+def test_all_must_be_refuted_and_nothing_be_likely_by_all_rows(nothing, sure, gain, calmed):
     given = causes(nothing, *"ab"[: len(sure)])
     expected = replace(given, fits=("declared",), places=(), probability_nothing=0.9) if calmed else None
-    assert without_refuted(given, sure) == expected
+    assert without_refuted(given, sure, gain) == expected
 
 
 @pytest.mark.parametrize("given", [None, causes(1.0)])
 def test_without_a_name_nothing_is_withdrawn(given):
-    assert without_refuted(given, ()) is None
+    assert without_refuted(given, (), 0.0) is None
 
 
 @pytest.mark.slow

@@ -9,6 +9,7 @@ from central_difference import assert_derivative
 from exactarm.chain import Layout, predict_poses
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects import effect_from_table
+from exactarm.effects.step_in_order import AT_THE_END
 from exactarm.effects.zero_shift import ZeroShift
 from exactarm.robot_file import load_robot
 from set_ups import joints_in_limits, measured, true_robot
@@ -16,7 +17,7 @@ from set_ups import joints_in_limits, measured, true_robot
 NOISE_M, COUNT, SHIFT_RAD = 5e-5, 150, 5e-4
 
 
-def poses(seed, joint, until, sessions=1):
+def poses(seed, joint, until, sessions=1, size=SHIFT_RAD):
     """Poses in the order of measurement, every fourth for validation; `joint` stood off up to row `until`."""
     rng = np.random.default_rng(seed)
     robot = load_robot("ur10")
@@ -24,7 +25,7 @@ def poses(seed, joint, until, sessions=1):
     q = [np.clip(joints_in_limits(robot, COUNT // sessions, rng), -2.2, 2.2) for _ in range(sessions)]
     place = np.arange(COUNT) if sessions == 1 else np.tile(np.arange(COUNT // sessions), sessions)
     count = len(place)
-    off = ZeroShift(joint, (until, SHIFT_RAD), 1 if sessions == 1 else sessions - 1)
+    off = ZeroShift(joint, (until, size), 1 if sessions == 1 else sessions - 1)
     data = measured(robot, [truth] * sessions, q, NOISE_M, rng, identification=np.arange(count) % 4 != 0,
                     layout=Layout.of((off,), estimate=False), row=1 + place)
     return robot, data
@@ -62,6 +63,32 @@ def test_between_two_sessions():
     robot, data = poses(5, 3, 1e9, sessions=2)
     (first,) = diagnose(robot, data).findings
     assert (first.effect.name, first.effect.joint, first.effect.session) == ("zero_shift", 3, 1)
+
+
+def test_rows_that_were_not_fitted_between_those_that_were_are_on_no_side():
+    _, data = poses(1, 2, 60.5)
+    fitted, other = data.select(data.identification), data.select(~data.identification)
+    undecided = lambda after: ZeroShift(2, (after, 1e-4)).undecided(fitted, other)
+    assert other.row[undecided(61.0)].tolist() == [61]  # the fitted ones beside it are 60 and 62
+    assert not undecided(59.5).any()
+    assert undecided(AT_THE_END) is None
+    assert "up to the end of session 1" in ZeroShift(2, (AT_THE_END, 0.0)).describe()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sessions, until, undecided", [(1, 60.5, 1), (2, AT_THE_END, 0)])
+def test_mastering_done_anew_beside_rows_that_were_not_fitted(sessions, until, undecided):
+    """One degree: a row on the wrong side is 10 mm off. In one session row 61 lies between the fitted ones;
+    of two the first ends with three rows that are not fitted."""
+    robot, data = poses(8, 3, until, sessions, np.radians(1.0))
+    data = replace(data, identification=data.identification & ((data.session == 2) | (data.row != 73)
+                                                               & (data.row != 74) & (data.row != 75)))
+    result = diagnose(robot, data)
+    (first,) = result.findings
+    assert (first.effect.name, first.effect.joint, result.verdict) == ("zero_shift", 3, "explained")
+    assert result.after["validation"].rms < 3.0 * NOISE_M and result.before["validation"].rms > 1e-3
+    assert len(result.undecided) == undecided and not result.excluded_elsewhere
+    assert result.after["validation"].n == result.before["validation"].n - undecided
 
 
 @pytest.mark.slow

@@ -170,7 +170,7 @@ def _json(result: Diagnosis) -> dict[str, Any]:
     after = sets(result.after, result.errors_after, result.selection.fits[-1])
     if result.excluded:
         after["identification"]["excluded"] = result.excluded
-        after["validation"]["excluded"] = result.before["validation"].n - result.after["validation"].n
+        after["validation"]["excluded"] = len(result.excluded_elsewhere)
     axes = {} if result.axes is None else {"axes": result.axes}
     return {
         "data_kind": result.kind,

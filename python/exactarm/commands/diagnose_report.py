@@ -126,22 +126,33 @@ def _sections(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contri
            _dossier_table("What the error still follows, after", result.dossier_after)] if found
           else [_dossier_table("What the error follows", result.dossier_after)])]
     outliers = _outliers(result)
-    if outliers or result.left_out or result.unconverged:
-        sections.append(Warnings((*result.unconverged, *outliers, *result.left_out)))
+    told = (*result.unconverged, *outliers, *_between(result), *result.left_out)
+    if told:
+        sections.append(Warnings(told))
     return sections
+
+
+def _between(result: Diagnosis) -> tuple[str, ...]:
+    """Validation rows that a step may lie before or behind."""
+    if not result.undecided:
+        return ()
+    rows = ("1 validation row judges" if len(result.undecided) == 1
+            else f"{len(result.undecided)} validation rows judge")
+    return (f"{rows} nothing{listed_places(result.undecided)}: between the fitted rows before and after what "
+            "happened at once",)
 
 
 def _many_left_out(result: Diagnosis, judged: str) -> str:
     """A better error that is that of fewer rows, where they are many."""
     rows = result.before[judged].n
-    left = rows - result.after[judged].n
+    left = rows - result.after[judged].n - (len(result.undecided) if judged == "validation" else 0)
     return f" ({left} of the {rows} left out as outliers)" if left > _MANY * rows else ""
 
 
 def _outliers(result: Diagnosis) -> tuple[str, ...]:
     """How many rows of each set are taken for wrong measurements; an error after is that of the others."""
     counts = {"identification": result.excluded,
-              "validation": result.before["validation"].n - result.after["validation"].n}
+              "validation": len(result.excluded_elsewhere)}
     told = " and ".join(f"{n} {name} row{'s' if n > 1 else ''}" for name, n in counts.items() if n)
     if not told:
         return ()

@@ -18,7 +18,7 @@ from exactarm.diagnose.contribution import Contribution, contributions
 from exactarm.diagnose.decisions import DOUBT, NAMED_AT
 from exactarm.diagnose.dossier import Dossier, dossier
 from exactarm.diagnose.draft import Draft, drafts_of
-from exactarm.diagnose.fitted import Fitted
+from exactarm.diagnose.fitted import Fitted, rows_undecided
 from exactarm.diagnose.held_out_evidence import AGAINST
 from exactarm.diagnose.in_space import InSpace
 from exactarm.diagnose.joint_fit import known_beside, refit
@@ -136,6 +136,7 @@ class Diagnosis:
     excluded_error: float | None = None  # m, median of the rows that are left out
     excluded_places: tuple[str, ...] = ()  # of these rows, in words
     excluded_elsewhere: tuple[str, ...] = ()  # of those among the validation rows
+    undecided: tuple[str, ...] = ()  # validation rows of which nothing says whether a step lies before them
     left_over: LeftOver | None = None
     beyond: UnknownAxes | None = None  # of series: beside a model to which nothing else objects
 
@@ -174,7 +175,7 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     progress(LEFT)
     asked = judged = Judged.of(problem, declared, selection, causes)
     withdrawn, dropped = (), ()
-    if (calmed := without_refuted(causes, judged.sure)) is not None:
+    if (calmed := without_refuted(causes, judged.sure, sum(judged.gains))) is not None:
         withdrawn = tuple(dict.fromkeys(accepted.effect.title for accepted in selection.accepted))
         causes = calmed
         asked = judged = Judged.of(problem, declared, Selection(selection.fits[:1], ()), causes)
@@ -226,6 +227,8 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
             unknown = tuple(Structure(draft.effect.title) for draft in drafts) + others
             waves = problem.waves(drafted, noise.value if noise.measured else None)
     unknown += waves or (problem.shakes(last) if verdict == UNEXPLAINED else ())
+    gone = _gone(errors)
+    between = rows_undecided(last.layout, problem.data, problem.held_out)[gone]
     wrong = (last.weight == 0.0) & (first.weight > 0.0)  # rows that an effect of the record leaves out
     return Diagnosis(
         robot=kept_masses(_bound(problem.updated_robot(last), robot, data), robot),
@@ -241,7 +244,8 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
         problem=problem, excluded=int(wrong.sum()),
         excluded_error=_median_error(last.residual[wrong]),
         excluded_places=tuple(problem.data.place_of(row) for row in np.flatnonzero(wrong)),
-        excluded_elsewhere=tuple(problem.held_out.place_of(row) for row in _gone(errors)),
+        excluded_elsewhere=tuple(problem.held_out.place_of(row) for row in gone[~between]),
+        undecided=tuple(problem.held_out.place_of(row) for row in gone[between]),
         axes=problem.axes(first, last), left_out=problem.left_out(),
         contributions=contributions(problem, last, declared),
         in_space=problem.in_space(first, last),

@@ -20,6 +20,7 @@ import numpy as np
 from scipy import linalg
 
 from exactarm.chain import Layout, View
+from exactarm.data.dataset import Dataset
 from exactarm.effects.base import Effect
 from exactarm.identify.layout_fit import Drawing, pulls_of
 from exactarm.numerics.orthonormal import extended, narrowed, orthonormal
@@ -289,6 +290,22 @@ class _Part:
         turn = linalg.qr(whole.coordinates[gone].T, mode="economic", check_finite=False)[0]
         directions = whole.basis @ turn
         return _Part(whole, rows, turn, directions, directions[rows].T @ part.whitened)
+
+
+def rows_judged(layout: Layout, view: View, fitted: Dataset) -> np.ndarray:
+    """(N,) bool: rows that every effect keeps, but for those of which the rows fitted do not say whether one
+    acts there (all the same where they say it of none)."""
+    undecided = rows_undecided(layout, fitted, view.data)
+    return rows_kept(layout, view) & (~undecided | undecided.all())
+
+
+def rows_undecided(layout: Layout, fitted: Dataset, other: Dataset) -> np.ndarray:
+    """(N,) bool: rows of `other` of which those fitted do not say whether an effect acts there."""
+    undecided = np.zeros(len(other), bool)
+    for effect in layout.effects:
+        there = effect.undecided(fitted, other)
+        undecided |= False if there is None else there
+    return undecided
 
 
 def rows_kept(layout: Layout, view: View) -> np.ndarray:

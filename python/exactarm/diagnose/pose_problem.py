@@ -10,7 +10,7 @@ import numpy as np
 from exactarm.chain import Layout, predict_poses
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import POSES
-from exactarm.diagnose.fitted import Fitted, rows_kept
+from exactarm.diagnose.fitted import Fitted, rows_judged
 from exactarm.diagnose.in_space import InSpace, errors_in_space
 from exactarm.diagnose.next_poses import next_poses, sentence_of
 from exactarm.diagnose.pose_fitted import PoseFitted
@@ -94,7 +94,7 @@ class PoseProblem(ProblemAtRest):
     def errors(self, fitted: Fitted, data: Dataset) -> np.ndarray:
         prediction = predict_poses(self.robot, fitted.layout, data, tangents=False, threads=self.threads)
         error = np.linalg.norm(prediction.residual(), axis=1)
-        return np.where(rows_kept(fitted.layout, prediction.view), error, np.nan)
+        return np.where(rows_judged(fitted.layout, prediction.view, self.data), error, np.nan)
 
     def in_space(self, first: Fitted, last: Fitted) -> InSpace:
         which = "validation" if len(self.held_out) else "identification"
@@ -104,7 +104,7 @@ class PoseProblem(ProblemAtRest):
     def held_out_picture(self, fitted: Fitted) -> tuple[np.ndarray, np.ndarray] | None:
         prediction = predict_poses(self.robot, fitted.layout, self.judged, threads=self.threads)
         residual = prediction.residual(self.orientation)
-        kept = rows_kept(fitted.layout, prediction.view)
+        kept = rows_judged(fitted.layout, prediction.view, self.data)
         return residual[kept], prediction.jacobian[kept, : residual.shape[1]]
 
     def spread_by_row(self, fitted: Fitted) -> np.ndarray:

@@ -7,7 +7,7 @@
                            far less than the model errs, waves in time stand out of its noise (gear runs), it
                            changes slowly along a tracked path, or
                            held-out rows speak against the effects found (held_out_evidence.py), unless
-                           the fitted rows alone may well be without a cause: then nothing was found
+                           by all rows there may well be no cause: then nothing was found
 """
 
 from __future__ import annotations
@@ -55,14 +55,18 @@ def verdict_of_causes(causes: Causes, after, noise: NoiseFloor, excess: float, s
     return NOTHING if causes.probability_nothing >= _NOT_NOTHING else UNEXPLAINED
 
 
-def without_refuted(causes: Causes | None, sure: Sequence[float]) -> Causes | None:
+def without_refuted(causes: Causes | None, sure: Sequence[float], gain: float) -> Causes | None:
     """Causes without those named where held-out rows, which leave them the probabilities `sure`, refute all,
-    and the fitted rows alone may well be without a cause; else None: something else may have looked like
-    them. No cause at all has then its share of what is left."""
-    refuted = causes is not None and bool(causes.places) and max(sure) < NAMED_AT
-    if not refuted or causes.probability_nothing < _NOT_NOTHING:
+    and by all rows there may well be none; else None: something else may have looked like them. gain: of the
+    held-out rows with all of them, in nats, which takes as much from what could stand in their place. No
+    cause at all has then its share of what is left."""
+    if causes is None or not causes.places or max(sure) >= NAMED_AT:
         return None
+    none, any_cause = causes.probability_nothing, 1.0 - causes.probability_nothing
+    by_all_rows = none / (none + any_cause * np.exp(min(gain, 0.0)))
     nothing = min(place.nothing for place in causes.places)
+    if min(by_all_rows, nothing) < _NOT_NOTHING:
+        return None
     return replace(causes, fits=causes.fits[:1], places=(), probability_nothing=nothing)
 
 

@@ -316,6 +316,11 @@ class Effect(ABC):
         """Rows (N,) bool that are to be used; None = all. Only effects of the record (outliers) differ."""
         return None
 
+    def undecided(self, fitted: Dataset, other: Dataset) -> np.ndarray | None:
+        """Rows (N,) bool of `other` of which the rows it was fitted to do not say whether it acts; None: of
+        all they do."""
+        return None
+
     @classmethod
     def excludes_rows(cls) -> bool:
         """Whether it says that rows are wrong, instead of changing a signal."""

@@ -15,6 +15,8 @@ from exactarm.effects.base import Effect, Parameter
 from exactarm.effects.slow_driver import ROW, in_order, slow_signal, unit
 from exactarm.effects.step_place import LEAST_ROWS, likelier_place, place_between, places
 
+AT_THE_END = 1e9  # row or hour: behind every row of a session, fitted or not
+
 
 @dataclass(frozen=True)
 class StepInOrder(Effect):
@@ -43,6 +45,8 @@ class StepInOrder(Effect):
     @property
     def where(self) -> str:
         """In words: row 12 of session 1."""
+        if self.values[0] >= AT_THE_END:
+            return f"the end of session {self.session}"
         return f"{unit(self.driver)} {self.values[0]:.4g} of session {self.session}"
 
     def to_table(self):
@@ -70,6 +74,14 @@ class StepInOrder(Effect):
         sides = (np.any(data.session < self.session), np.any(data.session > self.session))
         known = self.spans_sessions(data)
         return tuple(1 if known and side else LEAST_ROWS for side in sides)
+
+    def undecided(self, fitted, other):
+        """Rows between the last fitted one before the step and the first one after it."""
+        x, t = in_order(fitted, self.session, self.driver)[1], slow_signal(other, self.driver)
+        before, after = x[x <= self.values[0]], x[x > self.values[0]]
+        if not (before.size and after.size):
+            return None
+        return (other.session == self.session) & (t > before[-1]) & (t < after[0])
 
     def moved(self, view) -> Effect:
         """The step at the likeliest jump of the residual near its present place."""

@@ -11,8 +11,8 @@ import numpy as np
 
 from exactarm.data.kinds import WITH_TARGET
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.effects.slow_driver import clock_of, in_order
-from exactarm.effects.step_in_order import StepInOrder
+from exactarm.effects.slow_driver import clock_of
+from exactarm.effects.step_in_order import AT_THE_END, StepInOrder
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,6 @@ class ZeroShift(StepInOrder):
                 step = cls(axis + 1, (0.0, 0.0), session, driver)
                 tried = step.tried(view)
                 if session != sessions[-1]:
-                    tried = (*tried, float(in_order(view.data, session, driver)[1][-1]))
+                    tried = (*tried, AT_THE_END)
                 if tried:
                     yield replace(step, values=(tried[0], 0.0), search=tried)
