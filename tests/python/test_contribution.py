@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import exactarm as ea
-from exactarm.commands.diagnose_report import _many_left_out, _outliers, found_effects, report_of
+from exactarm.commands.diagnose_report import _between, _many_left_out, _outliers, found_effects, report_of
 from exactarm.commands.effect_sections import (
     _at_tool_note,
     _row,
@@ -296,11 +296,12 @@ def test_the_size_at_the_tool_is_that_of_the_rows_that_are_moved():
 
 
 def test_rows_left_out_are_told_of_both_sets_and_many_in_the_verdict():
-    def result(excluded, before, after):
+    def result(excluded, before, after, undecided=()):
         sets = [{"identification": SimpleNamespace(n=50), "validation": SimpleNamespace(n=n)}
                 for n in (before, after)]
-        return SimpleNamespace(excluded=excluded, before=sets[0], after=sets[1],
-                               excluded_elsewhere=tuple(f"row {k}" for k in range(before - after)))
+        elsewhere = tuple(f"row {k}" for k in range(before - after - len(undecided)))
+        return SimpleNamespace(excluded=excluded, before=sets[0], after=sets[1], excluded_elsewhere=elsewhere,
+                               undecided=undecided)
 
     assert _outliers(result(0, 18, 18)) == () and _many_left_out(result(0, 18, 18), "validation") == ""
     assert _outliers(result(1, 18, 18)) == ("1 identification row was left out as an outlier",)
@@ -309,6 +310,10 @@ def test_rows_left_out_are_told_of_both_sets_and_many_in_the_verdict():
         "1 identification row and 3 validation rows (row 0, row 1, row 2) were left out as outliers",)
     assert _many_left_out(many, "validation") == " (3 of the 18 left out as outliers)"
     assert _many_left_out(result(2, 450, 449), "validation") == ""
+    beside = result(0, 18, 16, ("row 7", "row 8"))
+    assert _outliers(beside) == _between(many) == () and _many_left_out(beside, "validation") == ""
+    assert _between(beside) == ("2 validation rows judge nothing (row 7, row 8): between the fitted rows "
+                                "before and after what happened at once",)
 
 
 def test_two_waves_of_one_axis_keep_their_own_sizes():
