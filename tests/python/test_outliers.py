@@ -1,11 +1,16 @@
 """Outliers: wrong rows that stand alone are left out; wrong rows that lie together are a structure, not
 outliers."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
+import exactarm as ea
+from exactarm.diagnose.diagnosis import diagnose
 from exactarm.effects.outliers import Outliers
+from exactarm.noise.estimate import estimate_noise
 
 NOISE = 1e-4
 
@@ -69,3 +74,59 @@ def test_regions_that_gross_rows_pull_along_stay():
     seen = view(predicted, residual)
     (found,) = Outliers.candidates(None, seen)
     assert set(np.flatnonzero(~found.keep(seen))) == {40, 150}
+
+
+def test_a_gross_row_that_pulls_more_than_a_fifth_of_the_others_stands_beyond_a_gap():
+    """Failed before: no row was a candidate where the usual limit left more than a fifth out."""
+    random, residual = noise(90, 6)
+    pulled = random.choice(90, 30, replace=False)
+    residual[pulled] += 6.0 * NOISE * random.standard_normal((30, 3))
+    residual[7] = [0.0, 0.0, 500 * NOISE]
+    seen = view(random.uniform(-1.0, 1.0, (90, 3)), residual)
+    assert np.mean(np.linalg.norm(residual, axis=1) > Outliers.threshold(residual)) > 0.2
+    (found,) = Outliers.candidates(None, seen)
+    assert np.flatnonzero(~found.keep(seen)).tolist() == [7]
+    assert np.flatnonzero(~found.renewed(seen).keep(seen)).tolist() == [7]
+
+
+def test_rows_that_the_noise_says_are_wrong_are_left_out_and_no_others():
+    """Of heavy tails the usual limit leaves out more."""
+    random = np.random.default_rng(8)
+    residual = NOISE * random.standard_t(3.0, (150, 3))
+    wrong = np.zeros(150, bool)
+    wrong[[10, 60]] = True
+    residual[wrong] = 60 * NOISE
+    seen = view(random.uniform(-1.0, 1.0, (150, 3)), residual)
+    usual = Outliers(None, (Outliers.threshold(residual),))
+    assert np.sum(~usual.keep(seen)) > 6
+    told = usual.leaving_out(seen, wrong)
+    assert (~told.keep(seen) == wrong).all() and told.renewed(seen) is told
+    among = np.arange(150) == np.argsort(np.linalg.norm(residual, axis=1))[75]
+    assert usual.leaving_out(seen, among) is usual
+
+
+@pytest.mark.parametrize("size", [30.0, 1e3, 3e4])
+def test_rows_are_wrong_by_themselves_however_large_they_are(size):
+    """Failed before from some hundred times the noise on: a law of heavy tails was likelier."""
+    random = np.random.default_rng(9)
+    residual = NOISE * random.standard_t(4.0, (150, 3))
+    push = random.standard_normal((3, 3))
+    residual[[20, 70, 120]] = size * NOISE * push / np.linalg.norm(push, axis=1)[:, None]
+    found = estimate_noise(residual)
+    wrong = set(np.flatnonzero(found.wrong))  # and of such tails perhaps one more
+    assert found.family == "gross" and wrong >= {20, 70, 120} and len(wrong) <= 4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rows", [[33], [5, 33, 50]])
+def test_gross_rows_are_left_out_and_their_neighbours_come_back(rows):
+    """20 mm in few poses: the least-squares fit is pulled by some hundred times the noise everywhere."""
+    made = ea.simulate("ur10", count=60, noise=3e-5, counts=0, seed=3).data
+    position = made.position.copy()
+    for k, row in enumerate(rows):
+        position[row, k] += 0.02
+    identification = ~np.isin(np.arange(60), [1, 8, 17, 24, 38, 41, 52, 57])
+    result = diagnose(ea.load_robot("ur10"), replace(made, position=position, identification=identification))
+    assert [finding.effect.name for finding in result.findings] == ["outliers"]
+    assert result.excluded == len(rows) and not result.excluded_elsewhere
+    assert result.verdict == "explained" and result.after["validation"].rms < 1.5e-4

@@ -15,6 +15,7 @@ from exactarm.effects.base import Effect
 from exactarm.noise.model import NoiseModel
 from exactarm.noise.sharing import shared_covariance
 
+_MOST_JUDGED = 5  # times; gross rows have pulled the last fit, and rows beside them out of place
 _MOST_MOVES = 4  # of a step to a likelier place
 _MOST_WIDTHS = 8  # of the priors of one effect's terms: steps of a fixed point
 
@@ -37,17 +38,20 @@ def count_of(problem: Problem, fitted: Fitted) -> float:
 
 
 def refit(problem: Problem, declared: Layout, effects: list[Effect], last: Fitted, noise=None) -> Fitted:
-    """The joint fit, started from the last one; effects of the record judge the rows by the last one too.
+    """The joint fit, started from the last one; effects of the record judge the rows by the last one, then by
+    it, until they stay.
 
     noise: a noise model whose row weights the fit takes."""
-    start = _warm(declared, last)
-    effects = [effect.renewed(last.view) for effect in effects]
-    layout = start.joined(Layout.of(tuple(effects)))
-    weight = rows_kept(layout, last.view).astype(float)
-    if noise is not None:
-        weight *= np.sqrt(noise.weight)
-    known = problem.knowing(last)
-    fitted = known.fit(layout, weight, last.sigma)
+    layout = _warm(declared, last).joined(Layout.of(tuple(effects)))
+    known, fitted, kept = problem.knowing(last), last, None
+    for _ in range(_MOST_JUDGED):
+        layout = replace(layout, effects=tuple(effect.renewed(fitted.view) for effect in layout.effects))
+        before, kept = kept, rows_kept(layout, fitted.view)
+        if before is not None and not np.any(kept & ~before):
+            break
+        weight = kept * (1.0 if noise is None else np.sqrt(noise.weight))
+        fitted = known.fit(layout, weight, last.sigma)
+        layout = fitted.layout
     for _ in range(_MOST_MOVES):
         moved = [effect.moved(fitted.view) for effect in fitted.layout.effects]
         if all(one.values == other.values for one, other in zip(moved, fitted.layout.effects)):

@@ -212,7 +212,7 @@ def _wrong_rows(problem, declared, chosen, fitted: Fitted, noise: NoiseModel):
     for effect in candidates_for(problem, fitted):
         if not effect.excludes_rows():
             continue
-        trial = refit(problem, declared, [*chosen, effect], fitted)
+        trial = refit(problem, declared, [*chosen, effect.leaving_out(fitted.view, noise.wrong)], fitted)
         if trial.weight.all() or _could_be_right(trial, len(declared.effects), noise):
             continue
         sure = min(noise.wrong_probability, 1.0 - DOUBT)

@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     from exactarm.robot.robot import Controller, Placement, Robot
     from exactarm.view import View
 
-
 RECORD_KEY = "data_sha256"  # of a robot file
 
 
@@ -299,9 +298,8 @@ class Effect(ABC):
 
     def by_own_entry(self, view: View, slope: np.ndarray | float) -> np.ndarray:
         """(N, 1, n) what changes by `slope` (N,) with the axis's own entry of a signal."""
-        matrix = np.zeros((view.rows, 1, view.axes))
-        matrix[:, 0, self.index] = slope
-        return matrix
+        own = np.arange(view.axes) == self.index
+        return np.broadcast_to(slope, view.rows)[:, None, None] * own
 
     def place(self, session: int, base: Placement, tool: Placement) -> tuple[Placement, Placement]:
         """Base and tool frames of a session; only the effects that are frames change them."""
@@ -317,8 +315,7 @@ class Effect(ABC):
         return None
 
     def undecided(self, fitted: Dataset, other: Dataset) -> np.ndarray | None:
-        """Rows (N,) bool of `other` of which the rows it was fitted to do not say whether it acts; None: of
-        all they do."""
+        """Rows (N,) bool of `other` of which those fitted do not say whether it acts; None: of none."""
         return None
 
     @classmethod
@@ -337,6 +334,10 @@ class Effect(ABC):
 
     def renewed(self, view: View) -> Effect:
         """The effect with what it takes from the residual itself (a threshold) taken anew; others stay."""
+        return self
+
+    def leaving_out(self, view: View, rows: np.ndarray) -> Effect:
+        """The effect where noise says which rows (N,) bool are wrong by themselves; others stay."""
         return self
 
     def could_change(self, view: View) -> tuple[np.ndarray, np.ndarray] | None:

@@ -7,7 +7,7 @@ this size would reach (Rousseeuw and Hubert 2011). It moves no prediction; it de
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import special
@@ -23,7 +23,9 @@ _CLEAR_GAP = 4.0
 
 @dataclass(frozen=True)
 class Outliers(Effect):
-    """Threshold of the residual above which a row is left out."""
+    """Threshold of the residual above which a row is left out; known: from which rows are wrong."""
+
+    known: bool = False
 
     name = "outliers"
     plain = "single wrong measurements"
@@ -43,8 +45,18 @@ class Outliers(Effect):
     def keep(self, view) -> np.ndarray:
         return np.linalg.norm(view.data.position - view.measured[:, :3], axis=1) <= self.values[0]
 
+    def leaving_out(self, view, rows):
+        """Where its norm parts these rows from the others: half way, and no longer renewed."""
+        norm = np.linalg.norm(view.data.position - view.measured[:, :3], axis=1)
+        good, wrong = norm[~rows].max(), norm[rows].min()
+        return replace(self, values=(float(np.sqrt(good * wrong)),), known=True) if wrong > good else self
+
     def renewed(self, view) -> Effect:
-        return self.with_values((self.threshold(view.data.position - view.measured[:, :3]),))
+        if self.known:
+            return self
+        residual = view.data.position - view.measured[:, :3]
+        limit = _limit(residual, view.measured[:, :3])
+        return self.with_values((self.threshold(residual) if limit is None else limit,))
 
     @staticmethod
     def threshold(residual: np.ndarray) -> float:
@@ -59,17 +71,21 @@ class Outliers(Effect):
         """None where the wrong rows lie together, in measuring order or in space: that is a structure."""
         if view.data.position is None or "measured" not in view.signals:
             return ()
-        residual = view.data.position - view.measured[:, :3]
-        norm = np.linalg.norm(residual, axis=1)
-        rows = np.arange(len(norm))
-        usual = cls.threshold(residual)
-        for limit in (usual, _gap(norm, usual)):
-            wrong = norm > limit
-            if not 0 < wrong.sum() <= _LARGEST_SHARE * len(wrong):
-                return ()
-            if not any(lie_together(residual, wrong, place) for place in (rows, view.measured[:, :3])):
-                return (cls(None, (limit,)),)
-        return ()
+        limit = _limit(view.data.position - view.measured[:, :3], view.measured[:, :3])
+        return () if limit is None else (cls(None, (limit,)),)
+
+
+def _limit(residual: np.ndarray, position: np.ndarray) -> float | None:
+    """m, beyond which rows of residuals (N, 3) at positions (N, 3) are wrong by themselves; None: no row
+    is."""
+    norm, rows = np.linalg.norm(residual, axis=1), np.arange(len(residual))
+    usual = Outliers.threshold(residual)
+    for limit in (usual, _gap(norm, usual)):
+        wrong = norm > limit
+        few = 0 < wrong.sum() <= _LARGEST_SHARE * len(wrong)
+        if few and not any(lie_together(residual, wrong, place) for place in (rows, position)):
+            return limit
+    return None
 
 
 def _gap(norm: np.ndarray, limit: float) -> float:

@@ -4,8 +4,8 @@ Families, by their likelihood (each further parameter pays half the logarithm of
 
     gauss    one normal law
     student  multivariate t with 30, 10, 5 or 3 degrees of freedom (Lange, Little and Taylor 1989)
-    gross    either of them, and a few rows (at most a fifth) from a law 5 to 100 times as wide, which is
-             estimated: broken beams, exchanged rows
+    gross    either of them, and a few rows (at most a fifth) from a law 5 to 100,000 times as wide,
+             which is estimated: broken beams, exchanged rows, another unit
 
 each with one scale for all components of a kind (positions, orientations), or one for every component. A row
 of the last family is wrong by itself where that is more than 99 % probable; its weight is zero. That there
@@ -26,9 +26,9 @@ from exactarm.noise.wandering import gain_of, wandering_of
 from exactarm.numerics.together import lie_together
 
 FREEDOMS = (30.0, 10.0, 5.0, 3.0)
-# width of wrong rows, times the noise, any in between as likely by its logarithm: below the least a Student
-# law of 3 degrees of freedom has such rows by itself, beyond the most every one is told from it
-LEAST_GROSS, MOST_GROSS = 5.0, 100.0
+# width of wrong rows, times the noise: below the least a Student law of 3 degrees of freedom has such rows by
+# itself; the most is a hundred metres beside a millimetre; the estimate begins with the last
+_LEAST_GROSS, _MOST_GROSS, _FIRST_GROSS = 5.0, 1e5, 100.0
 _MOST_WRONG = 0.2
 _SURELY_WRONG = 0.99
 _PASSES = 60
@@ -208,7 +208,7 @@ def _gross(e: np.ndarray, kinds: np.ndarray, nu: float) -> NoiseModel:
     """A share of the rows from a normal law of its own width, the others normal or Student with nu degrees of
     freedom; share and width by expectation and maximisation (Dempster, Laird and Rubin 1977)."""
     (rows, m), squares = e.shape, _squares(e, kinds)
-    sigma, share, width = _robust(squares, kinds), 0.02, MOST_GROSS
+    sigma, share, width = _robust(squares, kinds), 0.02, _FIRST_GROSS
     for _ in range(_PASSES):
         square = squares @ sigma**-2.0
         good = np.log1p(-share) + _log_density(square, m, nu)
@@ -218,7 +218,7 @@ def _gross(e: np.ndarray, kinds: np.ndarray, nu: float) -> NoiseModel:
         new = _scales(squares, (1.0 - wrong) * weight + wrong / width**2, kinds)
         share_new = float(np.clip(wrong.mean(), 0.5 / rows, _MOST_WRONG))
         width_new = np.sqrt((wrong @ square) / (m * max(float(wrong.sum()), 0.5)))
-        width_new = float(np.clip(width_new, LEAST_GROSS, MOST_GROSS))
+        width_new = float(np.clip(width_new, _LEAST_GROSS, _MOST_GROSS))
         settled = abs(share_new - share) < 1e-6 and abs(width_new / width - 1.0) < 1e-3
         done = settled and np.all(np.abs(new / sigma - 1.0) < 1e-6)
         sigma, share, width = new, share_new, width_new
