@@ -45,9 +45,11 @@ def refit(problem: Problem, declared: Layout, effects: list[Effect], last: Fitte
     layout = _warm(declared, last).joined(Layout.of(tuple(effects)))
     known, fitted, kept = problem.knowing(last), last, None
     for _ in range(_MOST_JUDGED):
-        layout = replace(layout, effects=tuple(effect.renewed(fitted.view) for effect in layout.effects))
-        before, kept = kept, rows_kept(layout, fitted.view)
-        if before is not None and not np.any(kept & ~before):
+        again = tuple(effect.renewed(fitted.view, kept is not None) for effect in layout.effects)
+        layout, before = replace(layout, effects=again), kept
+        kept = rows_kept(layout, fitted.view)
+        if before is not None and np.array_equal(kept, before):
+            fitted = replace(fitted, layout=layout)
             break
         weight = kept * (1.0 if noise is None else np.sqrt(noise.weight))
         fitted = known.fit(layout, weight, last.sigma)

@@ -332,8 +332,8 @@ class Effect(ABC):
         """Output angles (rad) of its axis between which it was estimated; goes with `measured`."""
         return None
 
-    def renewed(self, view: View) -> Effect:
-        """The effect with what it takes from the residual itself (a threshold) taken anew; others stay."""
+    def renewed(self, view: View, again: bool = False) -> Effect:
+        """With what it takes from the residual (a threshold) anew; again: from a fit without rows left out."""
         return self
 
     def leaving_out(self, view: View, rows: np.ndarray) -> Effect:

@@ -19,6 +19,9 @@ from exactarm.numerics.together import lie_together
 _LARGEST_SHARE = 0.2  # more than that is no longer a few wrong rows
 _FALSE_ALARM = 0.01  # of a whole data set
 _CLEAR_GAP = 4.0
+# times a good row, what the next larger good one hardly exceeds: one in eight, where tails fall with the
+# third power
+_BEYOND_GOOD = 2.0
 
 
 @dataclass(frozen=True)
@@ -46,17 +49,22 @@ class Outliers(Effect):
         return np.linalg.norm(view.data.position - view.measured[:, :3], axis=1) <= self.values[0]
 
     def leaving_out(self, view, rows):
-        """Where its norm parts these rows from the others: half way, and no longer renewed."""
-        norm = np.linalg.norm(view.data.position - view.measured[:, :3], axis=1)
-        good, wrong = norm[~rows].max(), norm[rows].min()
-        return replace(self, values=(float(np.sqrt(good * wrong)),), known=True) if wrong > good else self
-
-    def renewed(self, view) -> Effect:
-        if self.known:
-            return self
+        """These rows, and no others but for those that are as far from the good ones."""
         residual = view.data.position - view.measured[:, :3]
-        limit = _limit(residual, view.measured[:, :3])
-        return self.with_values((self.threshold(residual) if limit is None else limit,))
+        norm = np.linalg.norm(residual, axis=1)
+        good, wrong = self.threshold(residual), norm[rows].min()
+        while (further := norm[~rows & (norm > good) & (norm <= _BEYOND_GOOD * good)]).size:
+            good = float(further.max())
+        limit = float(min(np.sqrt(good * wrong), _BEYOND_GOOD * good))
+        return replace(self, values=(limit,), known=True) if wrong > good else self
+
+    def renewed(self, view, again=False) -> Effect:
+        if self.known:
+            out = ~self.keep(view)
+            return self.leaving_out(view, out) if out.any() else self
+        residual = view.data.position - view.measured[:, :3]
+        limit = _limit(residual, view.measured[:, :3]) or self.threshold(residual)
+        return self.with_values((max(limit, self.values[0]) if again else limit,))
 
     @staticmethod
     def threshold(residual: np.ndarray) -> float:
