@@ -333,7 +333,7 @@ class Effect(ABC):
         return None
 
     def renewed(self, view: View, again: bool = False) -> Effect:
-        """With what it takes from the residual (a threshold) anew; again: from a fit without rows left out."""
+        """With what it takes from the residual (a threshold) anew; again: of a fit without rows left out."""
         return self
 
     def leaving_out(self, view: View, rows: np.ndarray) -> Effect:
