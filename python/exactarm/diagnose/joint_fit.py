@@ -42,18 +42,18 @@ def refit(problem: Problem, declared: Layout, effects: list[Effect], last: Fitte
     it, until they stay.
 
     noise: a noise model whose row weights the fit takes."""
-    layout = _warm(declared, last).joined(Layout.of(tuple(effects)))
+    start, effects = _warm(declared, last), tuple(effects)
     known, fitted, kept = problem.knowing(last), last, None
     for _ in range(_MOST_JUDGED):
-        again = tuple(effect.renewed(fitted.view, kept is not None) for effect in layout.effects)
-        layout, before = replace(layout, effects=again), kept
+        effects = tuple(effect.renewed(fitted.view, kept is not None) for effect in effects)
+        layout, before = start.joined(Layout.of(effects)), kept
         kept = rows_kept(layout, fitted.view)
         if before is not None and np.array_equal(kept, before):
-            fitted = replace(fitted, layout=layout)
+            fitted = replace(fitted, layout=replace(fitted.layout, effects=(*start.effects, *effects)))
             break
         weight = kept * (1.0 if noise is None else np.sqrt(noise.weight))
         fitted = known.fit(layout, weight, last.sigma)
-        layout = fitted.layout
+        start, effects = _warm(declared, fitted), fitted.layout.effects[len(declared.effects) :]
     for _ in range(_MOST_MOVES):
         moved = [effect.moved(fitted.view) for effect in fitted.layout.effects]
         if all(one.values == other.values for one, other in zip(moved, fitted.layout.effects)):

@@ -1,7 +1,8 @@
 """Zero shift: the zero of an axis moved once (collision, slipped belt or coupling, mastering done anew).
 
 q_j += shift   on the rows up to `after` (time or row) of one session, and on all sessions before it: the
-               joint offset beside the effect is that of the arm as it is now.
+               joint offset beside the effect is that of the arm as it is now. Between two sessions `after` is
+               1e9.
 """
 
 from collections.abc import Iterable
