@@ -105,23 +105,28 @@ def test_rows_that_the_noise_says_are_wrong_are_left_out_and_no_others():
     assert usual.leaving_out(seen, among) is usual
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [30.0, 1e3, 3e4])
 def test_rows_are_wrong_by_themselves_however_large_they_are(size):
-    """Failed before from some hundred times the noise on: a law of heavy tails was likelier."""
-    random = np.random.default_rng(9)
-    residual = NOISE * random.standard_t(4.0, (150, 3))
-    push = random.standard_normal((3, 3))
-    residual[[20, 70, 120]] = size * NOISE * push / np.linalg.norm(push, axis=1)[:, None]
-    found = estimate_noise(residual)
-    wrong = set(np.flatnonzero(found.wrong))  # and of such tails perhaps one more
-    assert found.family == "gross" and wrong >= {20, 70, 120} and len(wrong) <= 4
+    """Failed before from some hundred times the noise on: a law of heavy tails was likelier. The limits are
+    those of smaller rows (test_noise_model.py)."""
+    caught, good, wrong = [], [], np.isin(np.arange(150), [20, 70, 120])
+    for seed in range(20):
+        random = np.random.default_rng(seed)
+        residual = NOISE * random.standard_t(4.0, (150, 3))
+        push = random.standard_normal((3, 3))
+        residual[wrong] = size * NOISE * push / np.linalg.norm(push, axis=1)[:, None]
+        found = estimate_noise(residual).wrong
+        caught += list(found[wrong])
+        good += list(found[~wrong])
+    assert np.mean(caught) > 0.85 and np.mean(good) < 0.002
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("rows", [[33], [5, 33, 50]])
 def test_gross_rows_are_left_out_and_their_neighbours_come_back(rows):
-    """20 mm in few poses: the least-squares fit is pulled by some hundred times the noise everywhere."""
-    made = ea.simulate("ur10", count=60, noise=3e-5, counts=0, seed=3).data
+    """20 mm in few poses, from which they pull the least-squares fit away."""
+    made = ea.simulate("ur10", count=60, noise=3e-5, counts=0, seed=3).data  # the first; so do 4 to 8
     position = made.position.copy()
     for k, row in enumerate(rows):
         position[row, k] += 0.02
