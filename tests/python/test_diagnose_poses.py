@@ -12,6 +12,7 @@ import exactarm as ea
 from exactarm import cli
 from exactarm.chain import Layout
 from exactarm.commands.diagnose_report import report_of
+from exactarm.commands.next_steps import HEADING
 from exactarm.data.dataset import write_dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.pose_problem import PoseProblem
@@ -85,6 +86,11 @@ def test_hidden_cause_is_named_with_its_axis(name):
     assert (first.effect.name, first.effect.joint) == (truth.name, truth.joint)
     assert first.probability > 0.9 and first.rms_after < first.rms_before
     assert first.effect.describe() in first.evidence
+    (doing,) = (part for part in report_of(ur10(), [result], "", []).sections
+                if getattr(part, "heading", "") == HEADING)
+    # No pose was visited twice: that the rest is noise is the fit's own word.
+    assert not result.noise.measured
+    assert any("what the fit says of itself" in said for said in doing.paragraphs)
 
 
 @pytest.mark.slow

@@ -149,7 +149,7 @@ def test_a_full_disk_is_one_line_and_no_result(package, tmp_path, capsys, monkey
     monkeypatch.setattr(OutputFolder, "write_table", full)
     assert run(package, "weigh", "nobody", "--out", tmp_path / "out", "--quiet") == 1
     assert capsys.readouterr().err == "exactarm: error: weights.csv: No space left on device\n"
-    assert list((tmp_path / "out").iterdir()) == []
+    assert not (tmp_path / "out").exists()
 
 
 def test_too_little_memory_is_one_line(package, tmp_path, capsys, monkeypatch):  # noqa: F811

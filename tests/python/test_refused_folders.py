@@ -303,3 +303,14 @@ def test_every_command_says_what_it_writes():
     written."""
     silent = [name for name in find_commands() if not hasattr(import_command(name), "WRITES")]
     assert silent == ["accept"]
+
+
+@pytest.mark.parametrize("there", [(), ("out",), ("out", "deep")])
+def test_a_refused_run_leaves_no_folder_that_was_not_there(there, tmp_path, capsys):
+    (tmp_path / "wrong.csv").write_text("q_1_rad,x_mm\n1,2\n")
+    tmp_path.joinpath(*there).mkdir(parents=True, exist_ok=True)
+    stood = sorted(tmp_path.rglob("*"))
+    assert cli.main(["calibrate", "ur10", str(tmp_path / "wrong.csv"),
+                     "--out", str(tmp_path / "out" / "deep")]) == 2
+    assert "column y" in capsys.readouterr().err
+    assert sorted(tmp_path.rglob("*")) == stood

@@ -25,7 +25,15 @@ from exactarm.diagnose.contribution import Contribution
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.diagnose.dossier import Dossier
 from exactarm.diagnose.held_out_evidence import AGAINST
-from exactarm.diagnose.verdict import NOTHING, UNEXPLAINED, beside, remains, spoken_against, stood_and_refuted
+from exactarm.diagnose.verdict import (
+    EXPLAINED,
+    NOTHING,
+    UNEXPLAINED,
+    beside,
+    remains,
+    spoken_against,
+    stood_and_refuted,
+)
 from exactarm.report import Figure, Quantity, Report, Table, Text, Warnings
 from exactarm.report.numbers import change, fixed, number, quantities
 from exactarm.report.plots.arm import arm_with_errors
@@ -190,7 +198,7 @@ def _next(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contributi
                         "more than the others.")
     elif result.verdict == NOTHING and (worse := worse_elsewhere(result)):
         lines.append(worse)
-    if result.verdict == NOTHING and not result.noise.measured and not wild:
+    if result.verdict in (NOTHING, EXPLAINED) and not result.noise.measured and not wild:
         lines.append(to_tell_noise(result))
     if found:
         lines.append(f"{kind_of(result.kind).anew} and run `exactarm evaluate robot.toml NEW.csv`: the error "

@@ -101,7 +101,7 @@ def measure_more(result: Diagnosis) -> str:
 
 
 def to_tell_noise(result: Diagnosis) -> str:
-    """One sentence for a diagnosis that finds nothing, where no repeated visit says how loud the noise is."""
+    """One sentence for what is left as noise, where no repeated visit says how loud the noise is."""
     rms = result.after["validation" if result.after["validation"].n else "identification"].rms
     return (f"That the {quantity(rms, result.unit)} left (RMS) are noise is what the fit says of itself. If "
             f"the device is better than that, {_NOTHING[not kind_of(result.kind).at_rest]}.")

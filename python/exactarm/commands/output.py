@@ -19,6 +19,7 @@ import os
 import shutil
 import uuid
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from fnmatch import fnmatchcase
 from glob import escape
 from pathlib import Path
@@ -50,17 +51,19 @@ def may_write(module: Any, arguments: argparse.Namespace) -> list[str]:
 
 
 class OutputFolder:
-    """DIR of one run; a context manager that leaves nothing half written."""
+    """DIR of one run; a context manager that leaves nothing half written, and no empty folder."""
 
     def __init__(self, path: Path, writes: Iterable[str] = ALWAYS, inputs: Iterable[Any] = ()):
         """writes: patterns of the names that may be written; inputs: files that the run reads."""
         self.path, self._partial = Path(path), Path(path) / PARTIAL
         self._writes, self._inputs = tuple(writes), tuple(inputs)
         self.run, self._owned = uuid.uuid4().hex, -1
+        self._made: list[Path] = []  # folders that were not there before, the deepest first
 
     def __enter__(self) -> OutputFolder:
         mine = False  # until the folder is, .partial may be that of another run
         try:
+            self._made = [folder for folder in (self.path, *self.path.parents) if not folder.exists()]
             self.path.mkdir(parents=True, exist_ok=True)
             self._lock()
             mine = True
@@ -83,6 +86,9 @@ class OutputFolder:
 
     def __exit__(self, _: object = None, error: object = None, *__: object) -> None:
         shutil.rmtree(self._partial, ignore_errors=True)
+        with suppress(OSError):  # what holds something stays
+            for folder in self._made:
+                folder.rmdir()
         self._unlock()
         if isinstance(error, OSError) and error.errno in _FULL and error.filename is None:
             error.filename = str(self.path)  # so that the line says which disk
