@@ -158,7 +158,7 @@ def in_motion(
     for label, (forms, axis, curve) in curves.items():
         column, size = f"tau_motor_{axis}_Nm", size_Nm / abs(joints[axis - 1].ratio)
         yield Planted(label, forms, int(axis), table.assign(
-            **{column: table[column] + size * (curve - curve.mean()) / spread(curve)}))
+            **{column: table[column] + size * curve / spread(curve)}))
 
 
 def sets_of(robot: str, rows: int, random: np.random.Generator) -> Iterator[tuple[str, pd.DataFrame]]:
