@@ -68,6 +68,24 @@ def diagnosis_of(name):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("seed, driver", [(84, "row"), (85, "row"), (86, "room_degC"), (87, "room_degC")])
+def test_an_axis_warms_up_by_its_own_work_or_with_the_room(seed, driver):
+    """A thermometer beside the arm is no reason that a drift follows it: half a degree up and down."""
+    size = {"row": 4e-6, "room_degC": 1.2e-3}[driver]  # 0.2 mrad RMS at the axis, either way
+    rng = np.random.default_rng(seed)
+    room = 21.0 + 0.25 * np.sin(np.linspace(0.0, 20.0, COUNT)) + rng.normal(0.0, 0.02, COUNT)
+    data = data_with((), seed)[0]
+    slow = room - room.mean() if driver != "row" else np.arange(COUNT) - COUNT / 2
+    theta = data.joints["theta"].copy()
+    theta[:, 2] -= ur10().ratios[2] * size * slow  # the log says where it was told to go
+    result = diagnose(ur10(), replace(data, joints=dict(data.joints) | {"theta": theta},
+                                      covariates={"room_degC": room}))
+    (found,) = result.findings
+    assert (found.effect.name, found.effect.joint, found.effect.driver) == ("thermal_drift", 3, driver)
+    assert result.verdict == "explained" and found.effect.values[0] == pytest.approx(size, rel=0.15)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [81, 82, 83])
 def test_clean_data_lack_nothing(seed):
     result = diagnose(ur10(), data_with((), seed)[0])

@@ -1,4 +1,4 @@
-"""What slow drift follows: a measured temperature where there is one, else time, else the order of the rows.
+"""What slow drift follows: measured temperatures, and the clock: time, or the order of the rows without it.
 
 `drivers(data)`: the names to choose from. `slow_signal(data, name)`: (N,) the driver from a fixed reference
 (20 degC, time 0, row 0), the same for every part of a data set: a reference taken from the rows at hand would
@@ -43,10 +43,8 @@ def temperatures(data) -> list[str]:
 
 
 def drivers(data) -> list[str]:
-    found = temperatures(data)
-    if found:
-        return found
-    return [TIME] if data.time is not None and np.ptp(data.time) > 0.0 else [ROW]
+    """Temperatures, and the clock: a thermometer in the room knows nothing of what warms up by its work."""
+    return [*temperatures(data), TIME if data.time is not None and np.ptp(data.time) > 0.0 else ROW]
 
 
 def clock_of(view) -> str:

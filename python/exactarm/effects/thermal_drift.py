@@ -1,6 +1,6 @@
 """Thermal drift: the robot or its sensor changes as it warms up.
 
-Nine forms, x the temperature (or time, or row order, where no temperature was measured) from its reference:
+Nine forms, x a temperature, or time (row order, where there is no time), from its reference:
 
     growth     displacement = growth x (flange - base origin): the structure expands (steel 1.2e-5 per K), the
                tool does not, nor the way of a sliding axis, which its scale measures
