@@ -5,8 +5,8 @@
 g_1, g_k: of a unit mass at the flange, and a metre along its axis k. m (kg) and c (m, DH frame n) may
 differ from row to row (columns payload_kg, payload_x_m ...). An axis whose drive torque was measured in
 static poses carries that torque instead, whatever the model says: tau_i, tau_motor_i, or current_i of a
-motor whose torque constant is declared. Shapes: torque (N, n) Nm, its slope by q (N, n, n).
-Limits: a measured torque is taken for what the spring carries; the dry friction in it is not.
+motor whose torque constant is declared, without their friction and noise (identify/rest_torque.py).
+Shapes: torque (N, n) Nm, its slope by q (N, n, n).
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from exactarm.robot.generic_masses import first_moments
 from exactarm.robot.robot import Link, Robot
 
 TORQUES = ("tau", "tau_motor", "current")  # columns that tell a drive's torque, the first that is there
+TORQUE_ERROR = "tau_error"  # standard deviation of such a load along any shape of unit mean square, all rows
 TIP_SHARE = 0.1  # of the arm's mass, at the flange: the shape by which a generic distribution may be wrong
 Body = tuple[_core.Robot, np.ndarray]  # a massive arm, and how much of it (N,) each row carries
 
@@ -30,7 +31,8 @@ Body = tuple[_core.Robot, np.ndarray]  # a massive arm, and how much of it (N,) 
 @dataclass(frozen=True)
 class RestLoad:
     """own: the links, or None; payload: what the flange carries; measured (N, n): NaN where it was not;
-    payload_varies: rows carry different payloads that were weighed, beside the unknown ones of the links."""
+    payload_varies: rows carry different payloads that were weighed, beside the unknown ones of the links;
+    error (N, n): TORQUE_ERROR of measured ones, None where nothing is known of it."""
 
     robot: Robot
     own: _core.Robot | None
@@ -38,6 +40,7 @@ class RestLoad:
     measured: np.ndarray
     payload_varies: bool
     threads: int = 1
+    error: np.ndarray | None = None
 
     @staticmethod
     def of(robot: Robot, data: Dataset, threads: int = 1, flange: np.ndarray | None = None) -> RestLoad:
@@ -45,7 +48,8 @@ class RestLoad:
         own, known = None if robot.links is None else robot.core, weighed(data)
         payload = carried_bodies(robot, known if flange is None else flange) if own is not None else ()
         varies = own is not None and bool(np.any(known != known[:1]))
-        return RestLoad(robot, own, payload, measured_at_rest(robot, data), varies, threads)
+        return RestLoad(robot, own, payload, measured_at_rest(robot, data), varies, threads,
+                        data.joints.get(TORQUE_ERROR))
 
     @cached_property
     def fixed(self) -> np.ndarray:
@@ -55,6 +59,11 @@ class RestLoad:
     @property
     def any(self) -> bool:
         return self.own is not None or bool(self.fixed.any())
+
+    def doubt(self, index: int) -> float:
+        """Standard deviation, of its own, of the size of a measured load at axis `index` (from 0)."""
+        spread = float(self.measured[:, index].std())
+        return float(self.error[0, index]) / spread if self.error is not None and spread > 0.0 else 0.0
 
     def torque(self, q: np.ndarray) -> np.ndarray:
         return self.as_measured(self._gravity(q))

@@ -10,7 +10,7 @@ from exactarm.commands.effect_sections import in_order
 from exactarm.diagnose.dossier import Dossier
 from exactarm.diagnose.motion_problem import MotionProblem
 from exactarm.diagnose.noise import NoiseFloor
-from exactarm.diagnose.verdict import EXPLAINED, NOTHING, UNEXPLAINED, verdict_by_rules
+from exactarm.diagnose.verdict import EXPLAINED, NOTHING, UNEXPLAINED, more_left_out, verdict_by_rules
 from exactarm.effects.gear_ratio import GearRatio
 from exactarm.effects.joint_coupling import JointCoupling
 from exactarm.identify.statistics import summarise
@@ -29,6 +29,15 @@ def test_torques_of_which_half_is_left_are_not_called_explained(measured, found,
     problem = SimpleNamespace(share_left=0.1)
     said = verdict_by_rules(problem, ERRORS, ERRORS, floor, Dossier((), 0.0), found, 0.0, 1.0, share)
     assert said == verdict
+
+
+@pytest.mark.parametrize("fitted, held, more", [
+    (4, 11, True), (0, 0, False), (5, 2, False), (3, 3, False), (0, 4, True), (20, 1, False),
+])
+def test_rows_that_fall_out_more_often_where_nothing_was_fitted_are_no_wrong_readings(fitted, held, more):
+    """Of 98 fitted rows and 42 others; by hypergeometric tails of 0.0003, 1, 0.68, 0.25, 0.007, 1.0."""
+    assert more_left_out(fitted, 98, held, 42) is more
+    assert not more_left_out(fitted, 98, 0, 0)
 
 
 @pytest.mark.slow

@@ -33,7 +33,7 @@ from exactarm.errors import InputError
 from exactarm.files.examples import file_or_example
 from exactarm.files.memory_table import AnyFile, MemoryTable, is_memory_table, variable_of
 from exactarm.first_aid.robot_mistakes import robot_mistakes
-from exactarm.identify.rest_torque import as_drives_hold
+from exactarm.identify.rest_torque import as_drives_hold, as_springs_carry
 from exactarm.robot.robot import Robot
 from exactarm.robot_file import AnyRobot as AnyRobot
 from exactarm.robot_file import load_robot, shipped_robots
@@ -72,7 +72,7 @@ def data_of(data: AnyData, robot: Robot, kind: str | None = None, fixture: AnyFi
             f"session {data.unweighed[0]}: no mass; expected one: `exactarm calibrate` of poses and "
             "`identify` of motions estimate it and write payloads.csv for --sessions",
             file=None if sessions is None else str(sessions), column=PAYLOAD)
-    return as_drives_hold(robot, data)
+    return as_springs_carry(robot, as_drives_hold(robot, data))
 
 
 def fixture_of(fixture: AnyFixture) -> Fixture | None:

@@ -30,6 +30,7 @@ from exactarm.diagnose.verdict import (
     NOTHING,
     UNEXPLAINED,
     beside,
+    more_left_out,
     remains,
     spoken_against,
     stood_and_refuted,
@@ -166,7 +167,12 @@ def _outliers(result: Diagnosis) -> tuple[str, ...]:
         return ()
     one = sum(counts.values()) == 1
     told += listed_places(result.excluded_elsewhere)
-    return (f"{told} {'was left out as an outlier' if one else 'were left out as outliers'}",)
+    more = more_left_out(result.excluded, result.before["identification"].n,
+                         len(result.excluded_elsewhere), result.before["validation"].n)
+    often = more * (
+        "; of the rows that were not fitted these are more than chance makes: they may follow what the model "
+        "lacks, and be no wrong measurements")
+    return (f"{told} {'was left out as an outlier' if one else 'were left out as outliers'}{often}",)
 
 
 def _next(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contribution | None]]) -> list[Text]:

@@ -37,6 +37,7 @@ from exactarm.diagnose.unknown_axes import UnknownAxes, supported_axes
 from exactarm.diagnose.verdict import (
     UNEXPLAINED,
     held_out_excess,
+    more_left_out,
     no_verdict,
     rises,
     rms_of,
@@ -141,8 +142,7 @@ class Diagnosis:
     beyond: UnknownAxes | None = None  # of series: beside a model to which nothing else objects
 
     @property
-    def converged(self) -> bool:
-        """Whether the fits that the verdict rests on have all arrived."""
+    def converged(self) -> bool:  # the fits that the verdict rests on
         return not self.unconverged
 
     def contribution_of(self, finding: Finding) -> Contribution | None:
@@ -215,7 +215,11 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     gain, told = sum((judged if findings else asked).gains), after if findings else tried
     worse = gain < 0.0 and rises(before, told)
     undecided = selection.undecided
-    if unconverged or refuted or worse or waves or undecided or gain < AGAINST:
+    gone = _gone(errors)
+    between = rows_undecided(last.layout, problem.data, problem.held_out)[gone]
+    wrong = (last.weight == 0.0) & (first.weight > 0.0)  # rows that an effect of the record leaves out
+    hidden = more_left_out(wrong.sum(), len(wrong), np.sum(~between), len(problem.held_out))
+    if unconverged or refuted or worse or waves or undecided or gain < AGAINST or hidden:
         verdict = UNEXPLAINED
     drafts = ()
     may_draft = (problem.drafts or problem.unknown_rivals) and not unconverged and not undecided
@@ -227,9 +231,6 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
             unknown = tuple(Structure(draft.effect.title) for draft in drafts) + others
             waves = problem.waves(drafted, noise.value if noise.measured else None)
     unknown += waves or (problem.shakes(last) if verdict == UNEXPLAINED else ())
-    gone = _gone(errors)
-    between = rows_undecided(last.layout, problem.data, problem.held_out)[gone]
-    wrong = (last.weight == 0.0) & (first.weight > 0.0)  # rows that an effect of the record leaves out
     return Diagnosis(
         robot=kept_masses(_bound(problem.updated_robot(last), robot, data), robot),
         kind=problem.kind, unit=problem.unit, noise=noise, before=before, after=after, findings=findings,
@@ -329,6 +330,17 @@ def _judged(errors: dict[str, np.ndarray]) -> np.ndarray:
     return values[np.isfinite(values)]
 
 
+def _wider_by_load(last: Fitted, effect: Effect, column: int, k: int, half: float) -> float:
+    """By how much half the interval of value k, `half` for the torques as they are, grows by their noise.
+
+    Torques known to e along any shape of unit mean square leave a size on them open by e / |r| of itself, r
+    the part of their shape that nothing else makes up for: 1 / |r| is standard deviation x length of the
+    whitened column, over the spread of the torques."""
+    length = float(np.linalg.norm(last.standard(last.jacobian[:, :, column:column + 1])))
+    doubt = last.view.rest_load.doubt(effect.index) * np.sqrt(last.fit.covariance[column, column]) * length
+    return float(np.hypot(half, last.fit.half_width(doubt * abs(effect.values[k])))) - half
+
+
 def _finding(accepted: Accepted, last, declared, place, errors, problem, own: Own | None,
              probability: float) -> Finding:
     index = len(declared.effects) + place
@@ -341,6 +353,10 @@ def _finding(accepted: Accepted, last, declared, place, errors, problem, own: Ow
     for k in np.flatnonzero(effect.per_guessed_load(last.view) & free):
         weighed = bool(last.robot.mass) or bool(last.view.measured_loads.any())
         intervals[k] = with_unknown_load(weighed, effect.values[k], *intervals[k])
+    if effect.per_load and effect.joint is not None and last.view.measured_loads[effect.index]:
+        for column, k in enumerate(np.flatnonzero(free), start=where.start):
+            wider = _wider_by_load(last, effect, column, k, np.ptp(intervals[k]) / 2.0)
+            intervals[k] += np.array([-wider, wider])
     covariance = np.zeros((len(effect.values),) * 2)
     covariance[np.ix_(free, free)] = last.fit.covariance[where, where]
     derived = {}

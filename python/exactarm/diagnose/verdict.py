@@ -5,19 +5,21 @@
     unexplained            something else is at work: its posterior probability is above one half, the error
                            on held-out rows is far above what the fit lets expect, repeated visits scatter
                            far less than the model errs, waves in time stand out of its noise (gear runs), it
-                           changes slowly along a tracked path, or
+                           changes slowly along a tracked path,
                            held-out rows speak against the effects found (held_out_evidence.py), unless
-                           by all rows there may well be no cause: then nothing was found
+                           by all rows there may well be no cause: then nothing was found; or they are left
+                           out as wrong more often than fitted ones
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import comb
 
 import numpy as np
 
-from exactarm.diagnose.decisions import NAMED_AT
+from exactarm.diagnose.decisions import DOUBT, NAMED_AT
 from exactarm.diagnose.dossier import Dossier
 from exactarm.diagnose.held_out_evidence import AGAINST
 from exactarm.diagnose.noise import NoiseFloor
@@ -120,6 +122,14 @@ def verdict_by_rules(problem, before, after, noise: NoiseFloor, left: Dossier, f
         return EXPLAINED
     # a floor that comes from the fit proves nothing by itself
     return NOTHING if noise.measured or share < _MUCH_LEFT else UNEXPLAINED
+
+
+def more_left_out(fitted: int, fitted_rows: int, held: int, held_rows: int) -> bool:
+    """Whether rows that were not fitted are left out more often, beyond chance, than fitted ones (Fisher's
+    exact test): wrong readings fall on all alike; what a fit has followed in its own rows shows in others."""
+    out = int(fitted + held)
+    ways = [comb(held_rows, k) * comb(fitted_rows, out - k) for k in range(out + 1)]
+    return sum(ways[int(held):]) < DOUBT * sum(ways)
 
 
 def rises(before, after) -> bool:
