@@ -230,10 +230,8 @@ def _effect(finding: Finding, result: Diagnosis) -> dict[str, Any]:
 
 def _own(finding: Finding, result: Diagnosis) -> dict[str, Any]:
     """What the effect does by itself, and what could stand in its place."""
-    found: dict[str, Any] = {}
-    if finding.credible_set:
-        found["set"] = [{"effect": name, "joint": joint, "probability": p}
-                        for name, joint, p in finding.credible_set]
+    found: dict[str, Any] = {"set": [{"effect": name, "joint": joint, "probability": p}
+                                     for name, joint, p in finding.credible_set]}
     if finding.own_share is not None:
         found["own_share"] = finding.own_share
     moves = result.contribution_of(finding)

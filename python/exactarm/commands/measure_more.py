@@ -102,9 +102,8 @@ def measure_more(result: Diagnosis) -> str:
 
 def to_tell_noise(result: Diagnosis) -> str:
     """One sentence for what is left as noise, where no repeated visit says how loud the noise is."""
-    rms = result.after["validation" if result.after["validation"].n else "identification"].rms
-    return (f"That the {quantity(rms, result.unit)} left (RMS) are noise is what the fit says of itself. If "
-            f"the device is better than that, {_NOTHING[not kind_of(result.kind).at_rest]}.")
+    return (f"That the noise is {quantity(result.noise.value, result.unit)} (RMS) is what the fit says of "
+            f"itself. If the device is better than that, {_NOTHING[not kind_of(result.kind).at_rest]}.")
 
 
 def wild_elsewhere(result: Diagnosis) -> str | None:

@@ -377,7 +377,7 @@ def _finding(accepted: Accepted, last, declared, place, errors, problem, own: Ow
         f"{effect.describe_on(problem.robot)}; " + evidence + fall
         + (f"; {caveat}" if caveat else "")
         + (f"; likelier: {accepted.likelier}" if accepted.likelier else ""),
-        derived, accepted.credible_set, own.share if own else None, accepted.likelier, caveat)
+        derived, accepted.in_its_place(), own.share if own else None, accepted.likelier, caveat)
 
 
 def _alternatives(problem: Problem, declared: Layout, selection: Selection) -> tuple[Alternative, ...]:

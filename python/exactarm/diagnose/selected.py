@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from exactarm.diagnose.decisions import CREDIBLE, LEAST_EVIDENCE, NAMED_AT
+import numpy as np
+
+from exactarm.diagnose.decisions import CREDIBLE, DOUBT, LEAST_EVIDENCE, NAMED_AT
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.scan import Candidate
 from exactarm.diagnose.signal import Structure
@@ -27,6 +29,25 @@ class Accepted:
     credible_set: tuple[tuple[str, int | None, float], ...] = ()
     share: float = 1.0
     likelier: Structure | None = None
+
+    def in_its_place(self) -> tuple[tuple[str, int | None, float], ...]:
+        """The credible set; of effects found step by step, itself and, by their evidence, its rivals."""
+        if self.credible_set:
+            return self.credible_set
+        own = self.effect.name, self.effect.joint
+        others: dict[tuple[str, int | None], float] = {}
+        for rival in self.rivals:
+            place = rival.effect.name, rival.effect.joint
+            if place != own:
+                sure = self.probability * float(np.exp(min(rival.evidence - self.evidence, 0.0)))
+                others[place] = others.get(place, 0.0) + sure
+        left = min(1.0, (1.0 - self.probability) / max(sum(others.values()), np.finfo(float).tiny))
+        both = {own: self.probability} | {place: left * sure for place, sure in others.items()}
+        found: list[tuple[str, int | None, float]] = []
+        for (name, joint), sure in sorted(both.items(), key=lambda one: -one[1]):
+            if not found or sure >= DOUBT and sum(probability for *_, probability in found) < CREDIBLE:
+                found.append((name, joint, sure))
+        return tuple(found)
 
 
 @dataclass(frozen=True)
