@@ -229,13 +229,17 @@ def test_outliers_leave_out_broken_rows_only(random):
     assert sorted(np.flatnonzero(~effect.keep(view))) == [4, 17]
 
 
-def test_drift_follows_temperatures_and_the_clock(random):
+def test_drift_follows_temperature_else_time_else_rows(random):
     robot = six_axis()
     data = pose_data(random, robot)
     assert drivers(data) == ["time"]
     assert drivers(replace(data, time=None)) == ["row"]
-    assert drivers(replace(data, covariates={"gear_temp_degC": np.arange(40.0),
-                                             "load_kg": np.arange(40.0)})) == ["gear_temp_degC", "time"]
+    warm = replace(data, covariates={"gear_temp_degC": np.arange(40.0), "load_kg": np.arange(40.0)})
+    assert drivers(warm) == ["gear_temp_degC"]
+    view = predict_poses(robot, Layout.of(()), warm).view
+    found = {(effect.form, effect.driver) for effect in ThermalDrift.candidates(robot, view)}
+    assert {driver for form, driver in found if form == "zero"} == {"gear_temp_degC", "time"}
+    assert {driver for form, driver in found if form != "zero"} == {"gear_temp_degC"}
     part = np.arange(7, 40, 3)
     assert np.array_equal(slow_signal(data.select(part), "time"), slow_signal(data, "time")[part])
 

@@ -1,4 +1,4 @@
-"""What slow drift follows: measured temperatures, and the clock: time, or the order of the rows without it.
+"""What slow drift follows: a measured temperature where there is one, else time, else the order of the rows.
 
 `drivers(data)`: the names to choose from. `slow_signal(data, name)`: (N,) the driver from a fixed reference
 (20 degC, time 0, row 0), the same for every part of a data set: a reference taken from the rows at hand would
@@ -42,9 +42,12 @@ def temperatures(data) -> list[str]:
             if (name.endswith("_degC") or "temp" in name.lower()) and np.ptp(values) > 0.0]
 
 
+def clock(data) -> str:
+    return TIME if data.time is not None and np.ptp(data.time) > 0.0 else ROW
+
+
 def drivers(data) -> list[str]:
-    """Temperatures, and the clock: a thermometer in the room knows nothing of what warms up by its work."""
-    return [*temperatures(data), TIME if data.time is not None and np.ptp(data.time) > 0.0 else ROW]
+    return temperatures(data) or [clock(data)]
 
 
 def clock_of(view) -> str:

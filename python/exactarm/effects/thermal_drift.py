@@ -1,13 +1,14 @@
 """Thermal drift: the robot or its sensor changes as it warms up.
 
-Nine forms, x a temperature, or time (row order, where there is no time), from its reference:
+Nine forms, x the temperature (or time, or row order, where no temperature was measured) from its reference:
 
     growth     displacement = growth x (flange - base origin): the structure expands (steel 1.2e-5 per K), the
                tool does not, nor the way of a sliding axis, which its scale measures
     link       displacement = growth x (what one link, a row of the table, spans): it alone grows, by the
                heat of its motor or against others of another material (aluminium 2.3e-5 per K)
     target     displacement = drift x: base or tool moves off in one direction
-    zero       q_i += drift x: the zero of one axis moves (a warm gear or link turns it)
+    zero       q_i += drift x: the zero of one axis moves (a warm gear or link turns it); beside a temperature
+               with time, too: a thermometer in the room knows nothing of a gear that warms up by its work
     sensor     the gyroscope's bias drifts: rate += drift x
     lubricant  viscous friction falls: torque -= fall x viscous rate, on all axes alike
     friction   dry friction with it
@@ -27,7 +28,7 @@ from exactarm.data.kinds import ALL_KINDS, GEAR_RUN, MOTION, WITH_TARGET
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.drive import over_samples, sign_slopes
 from exactarm.effects.moving_frames import MovingFrames
-from exactarm.effects.slow_driver import ROW, Follows, drivers, pair_of, settles_in, temperatures
+from exactarm.effects.slow_driver import ROW, Follows, clock, drivers, pair_of, settles_in, temperatures
 
 
 @dataclass(frozen=True)
@@ -187,7 +188,8 @@ class ThermalZeroDrift(ThermalDrift):
 
     @classmethod
     def of(cls, robot, view) -> Iterable[Effect]:
-        return (cls(axis + 1, (0.0,), driver) for driver in drivers(view.data) for axis in range(robot.axes))
+        followed = dict.fromkeys([*drivers(view.data), clock(view.data)])
+        return (cls(axis + 1, (0.0,), driver) for driver in followed for axis in range(robot.axes))
 
 
 @dataclass(frozen=True)
