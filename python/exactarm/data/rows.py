@@ -60,6 +60,7 @@ class Rows(Value):
     kind, kinds     the kind of data (exactarm.data.kinds): the first to analyse, and all in order
     joints          "theta", "q", "theta_dot", "q_dot", "tau", "tau_motor", "current", "approach": (N, n),
                     NaN in axes the files do not have; no key where no axis has the quantity
+                    "tau_error" beside "tau" of poses: what the noise leaves open of a load's size, Nm
     position (N, 3), rotation (N, 3, 3), gyro (N, 3), time (N,), visit (N,) int, identification (N,) bool: or
     None;
                     beside contacts NaN in rows without a tracker
