@@ -301,11 +301,13 @@ def test_rows_left_out_are_told_of_both_sets_and_many_in_the_verdict():
                 for n in (before, after)]
         elsewhere = tuple(f"row {k}" for k in range(before - after - len(undecided)))
         return SimpleNamespace(excluded=excluded, before=sets[0], after=sets[1], excluded_elsewhere=elsewhere,
-                               undecided=undecided)
+                               excluded_more=False, undecided=undecided)
 
     assert _outliers(result(0, 18, 18)) == () and _many_left_out(result(0, 18, 18), "validation") == ""
     assert _outliers(result(1, 18, 18)) == ("1 identification row was left out as an outlier",)
     many = result(1, 18, 15)
+    often = SimpleNamespace(**vars(many) | {"excluded_more": True})
+    assert _outliers(often)[0].startswith(_outliers(many)[0] + "; of the rows that were not fitted")
     assert _outliers(many) == (
         "1 identification row and 3 validation rows (row 0, row 1, row 2) were left out as outliers",)
     assert _many_left_out(many, "validation") == " (3 of the 18 left out as outliers)"

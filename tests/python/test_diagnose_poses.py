@@ -70,8 +70,9 @@ def diagnosis_of(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("seed, driver", [(84, "row"), (85, "row"), (86, "room_degC"), (87, "room_degC")])
 def test_an_axis_warms_up_by_its_own_work_or_with_the_room(seed, driver):
-    """A thermometer beside the arm is no reason that a drift follows it: half a degree up and down."""
-    size = {"row": 4e-6, "room_degC": 1.2e-3}[driver]  # 0.2 mrad RMS at the axis, either way
+    """A thermometer beside the arm is no reason that a drift follows it: half a degree up and down. The seeds
+    behind those of clean data below, the first tried; 84 and 85 were given no cause before."""
+    size = {"row": 4e-6, "room_degC": 1.2e-3}[driver]  # some 0.2 mrad RMS at the axis, either way
     rng = np.random.default_rng(seed)
     room = 21.0 + 0.25 * np.sin(np.linspace(0.0, 20.0, COUNT)) + rng.normal(0.0, 0.02, COUNT)
     data = data_with((), seed)[0]

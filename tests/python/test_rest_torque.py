@@ -9,11 +9,13 @@ import exactarm as ea
 from exactarm import _core
 from exactarm.data.dataset import Dataset
 from exactarm.identify.rest_torque import as_springs_carry
+from exactarm.rest_load import RestLoad
 from three_arms import puma
 
 ROWS = 90
 BARE = replace(puma(), links=None)
-HEAVY = (0, 1, 2, 3)  # axes of which weights are most of the reading
+# A tenth of noise in 90 readings leaves of some 15 numbers that an axis' readings decide 0.1 sqrt(15 / 90)
+AMONG_NOISE = 0.1 * np.sqrt(15 / ROWS)
 FRICTION_NM = np.array([9.0, 8.0, 5.0, 0.2, 0.2, 0.1])
 SAG, TRUE = "joint_compliance joint=2 linear_rad_per_Nm=1.2e-5 cubic_rad_per_Nm3=0", 1.2e-5
 
@@ -30,7 +32,8 @@ def readings(noise=0.0, friction=0.0, more=None, rows=ROWS, seed=3):
 
 
 def off(found, gravity):
-    """Standard deviation of the error of loads by axis, over that of the gravity; without any offset."""
+    """Standard deviation of the error of loads, over that of the gravity, of the two axes that weights load
+    most; without any offset."""
     return (found - gravity).std(axis=0)[1:3] / gravity.std(axis=0)[1:3]
 
 
@@ -45,7 +48,9 @@ def test_noise_and_friction_are_no_load():
     data, gravity = readings(0.1, FRICTION_NM)
     assert np.all(off(data.joints["tau"], gravity) > 0.15)
     found = as_springs_carry(BARE, data)
-    assert np.all(off(found.joints["tau"], gravity) < 0.05)
+    assert np.all(off(found.joints["tau"], gravity) < AMONG_NOISE)
+    doubt = [RestLoad.of(BARE, found).doubt(axis) for axis in (1, 2)]
+    assert doubt == pytest.approx([0.1 / np.sqrt(ROWS)] * 2, rel=0.2)  # of 90: 8 % by itself
     (note,) = found.notes
     assert "dry friction of up to 9" in note and "are left out" in note
     # what is told in another column stays to be said
@@ -56,12 +61,12 @@ def test_noise_and_friction_are_no_load():
 def test_a_further_payload_and_a_counterbalance_are_load():
     spring = lambda q: np.outer(np.cos(2.0 * q[:, 1] + 0.4), 60.0 * np.eye(6)[1])
     data, gravity = readings(0.1, 0.0, spring)
-    assert np.all(off(as_springs_carry(BARE, data).joints["tau"], gravity) < 0.06)
+    assert np.all(off(as_springs_carry(BARE, data).joints["tau"], gravity) < AMONG_NOISE)
     session = np.repeat([1, 2], ROWS // 2)
     flange = _core.dynamics_regressor(puma().core, data.joints["q"], *2 * [np.zeros((ROWS, 6))])[:, :, -10]
     carried = 8.0 * flange * (session == 2)[:, None]
     both = replace(data, session=session, joints=dict(data.joints) | {"tau": data.joints["tau"] + carried})
-    assert np.all(off(as_springs_carry(BARE, both).joints["tau"], gravity + carried) < 0.07)
+    assert np.all(off(as_springs_carry(BARE, both).joints["tau"], gravity + carried) < AMONG_NOISE)
 
 
 def test_torques_that_are_no_weight_are_the_load_as_they_were_read():
@@ -79,7 +84,8 @@ def test_torques_that_are_no_weight_are_the_load_as_they_were_read():
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [3, 4, 5])
 def test_a_spring_is_named_and_sized_under_readings_with_noise_and_friction(seed):
-    """Readings as they were made the base give way instead, or the spring too stiff (seeds: as they came)."""
+    """Failed before in all three, the first seeds tried: the base gave way instead (3, 5), or beside a spring
+    of two thirds (4). Of 5 the interval missed by 4e-10 until it knew of the noise of the torques."""
     robot, rng = ea.load_robot("ur10"), np.random.default_rng(seed)
     data = ea.simulate(robot, effects=[SAG], count=100, deviation=1, seed=seed, noise=3e-5, torques=0.0).data
     tau = data.joints["tau"]

@@ -30,7 +30,6 @@ from exactarm.diagnose.verdict import (
     NOTHING,
     UNEXPLAINED,
     beside,
-    more_left_out,
     remains,
     spoken_against,
     stood_and_refuted,
@@ -167,9 +166,7 @@ def _outliers(result: Diagnosis) -> tuple[str, ...]:
         return ()
     one = sum(counts.values()) == 1
     told += listed_places(result.excluded_elsewhere)
-    more = more_left_out(result.excluded, result.before["identification"].n,
-                         len(result.excluded_elsewhere), result.before["validation"].n)
-    often = more * (
+    often = result.excluded_more * (
         "; of the rows that were not fitted these are more than chance makes: they may follow what the model "
         "lacks, and be no wrong measurements")
     return (f"{told} {'was left out as an outlier' if one else 'were left out as outliers'}{often}",)

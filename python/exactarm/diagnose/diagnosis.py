@@ -21,6 +21,7 @@ from exactarm.diagnose.draft import Draft, drafts_of
 from exactarm.diagnose.fitted import Fitted, rows_undecided
 from exactarm.diagnose.held_out_evidence import AGAINST
 from exactarm.diagnose.in_space import InSpace
+from exactarm.diagnose.intervals import intervals_of
 from exactarm.diagnose.joint_fit import known_beside, refit
 from exactarm.diagnose.left_over import LeftOver, left_over
 from exactarm.diagnose.noise import NoiseFloor, noise_floor
@@ -51,7 +52,6 @@ from exactarm.diagnose.wave_in_time import wave_instead
 from exactarm.effects.base import Effect
 from exactarm.identify.loads import kept_masses
 from exactarm.identify.statistics import ErrorSummary, summarise
-from exactarm.robot.generic_masses import with_unknown_load
 from exactarm.robot.robot import Robot
 
 # Steps as they are told, in their order; ALL_ROWS only where the search takes a part of them.
@@ -137,12 +137,14 @@ class Diagnosis:
     excluded_error: float | None = None  # m, median of the rows that are left out
     excluded_places: tuple[str, ...] = ()  # of these rows, in words
     excluded_elsewhere: tuple[str, ...] = ()  # of those among the validation rows
+    excluded_more: bool = False  # of the validation rows, than chance makes of wrong ones
     undecided: tuple[str, ...] = ()  # validation rows of which nothing says whether a step lies before them
     left_over: LeftOver | None = None
     beyond: UnknownAxes | None = None  # of series: beside a model to which nothing else objects
 
     @property
-    def converged(self) -> bool:  # the fits that the verdict rests on
+    def converged(self) -> bool:
+        """Whether the fits that the verdict rests on have all arrived."""
         return not self.unconverged
 
     def contribution_of(self, finding: Finding) -> Contribution | None:
@@ -218,8 +220,8 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     gone = _gone(errors)
     between = rows_undecided(last.layout, problem.data, problem.held_out)[gone]
     wrong = (last.weight == 0.0) & (first.weight > 0.0)  # rows that an effect of the record leaves out
-    hidden = more_left_out(wrong.sum(), len(wrong), np.sum(~between), len(problem.held_out))
-    if unconverged or refuted or worse or waves or undecided or gain < AGAINST or hidden:
+    more = more_left_out(int(wrong.sum()), len(wrong), int(np.sum(~between)), len(problem.held_out))
+    if unconverged or refuted or worse or waves or undecided or gain < AGAINST or more:
         verdict = UNEXPLAINED
     drafts = ()
     may_draft = (problem.drafts or problem.unknown_rivals) and not unconverged and not undecided
@@ -246,7 +248,7 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
         excluded_error=_median_error(last.residual[wrong]),
         excluded_places=tuple(problem.data.place_of(row) for row in np.flatnonzero(wrong)),
         excluded_elsewhere=tuple(problem.held_out.place_of(row) for row in gone[~between]),
-        undecided=tuple(problem.held_out.place_of(row) for row in gone[between]),
+        excluded_more=more, undecided=tuple(problem.held_out.place_of(row) for row in gone[between]),
         axes=problem.axes(first, last), left_out=problem.left_out(),
         contributions=contributions(problem, last, declared),
         in_space=problem.in_space(first, last),
@@ -330,33 +332,10 @@ def _judged(errors: dict[str, np.ndarray]) -> np.ndarray:
     return values[np.isfinite(values)]
 
 
-def _wider_by_load(last: Fitted, effect: Effect, column: int, k: int, half: float) -> float:
-    """By how much half the interval of value k, `half` for the torques as they are, grows by their noise.
-
-    Torques known to e along any shape of unit mean square leave a size on them open by e / |r| of itself, r
-    the part of their shape that nothing else makes up for: 1 / |r| is standard deviation x length of the
-    whitened column, over the spread of the torques."""
-    length = float(np.linalg.norm(last.standard(last.jacobian[:, :, column:column + 1])))
-    doubt = last.view.rest_load.doubt(effect.index) * np.sqrt(last.fit.covariance[column, column]) * length
-    return float(np.hypot(half, last.fit.half_width(doubt * abs(effect.values[k])))) - half
-
-
 def _finding(accepted: Accepted, last, declared, place, errors, problem, own: Own | None,
              probability: float) -> Finding:
     index = len(declared.effects) + place
     effect, where, free = last.layout.effects[index], last.layout.slices[index], last.layout.free[index]
-    intervals = np.column_stack([effect.values, effect.values]).astype(float)
-    intervals[free] = last.fit.interval()[where]
-    names = [parameter.name for parameter in effect.parameters()]
-    for name, between in effect.searched_between(last.view).items():
-        intervals[names.index(name)] = between
-    for k in np.flatnonzero(effect.per_guessed_load(last.view) & free):
-        weighed = bool(last.robot.mass) or bool(last.view.measured_loads.any())
-        intervals[k] = with_unknown_load(weighed, effect.values[k], *intervals[k])
-    if effect.per_load and effect.joint is not None and last.view.measured_loads[effect.index]:
-        for column, k in enumerate(np.flatnonzero(free), start=where.start):
-            wider = _wider_by_load(last, effect, column, k, np.ptp(intervals[k]) / 2.0)
-            intervals[k] += np.array([-wider, wider])
     covariance = np.zeros((len(effect.values),) * 2)
     covariance[np.ix_(free, free)] = last.fit.covariance[where, where]
     derived = {}
@@ -373,7 +352,7 @@ def _finding(accepted: Accepted, last, declared, place, errors, problem, own: Ow
                 if np.isfinite(accepted.evidence) else "")  # of rows that are wrong: a share, no odds
     fall = f"{judged} RMS {before:.3g} to {after:.3g} {problem.unit}"
     return Finding(
-        effect, intervals, before, after, probability,
+        effect, intervals_of(effect, last, where, free), before, after, probability,
         f"{effect.describe_on(problem.robot)}; " + evidence + fall
         + (f"; {caveat}" if caveat else "")
         + (f"; likelier: {accepted.likelier}" if accepted.likelier else ""),

@@ -15,9 +15,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from math import comb
 
 import numpy as np
+from scipy import special
 
 from exactarm.diagnose.decisions import DOUBT, NAMED_AT
 from exactarm.diagnose.dossier import Dossier
@@ -127,9 +127,15 @@ def verdict_by_rules(problem, before, after, noise: NoiseFloor, left: Dossier, f
 def more_left_out(fitted: int, fitted_rows: int, held: int, held_rows: int) -> bool:
     """Whether rows that were not fitted are left out more often, beyond chance, than fitted ones (Fisher's
     exact test): wrong readings fall on all alike; what a fit has followed in its own rows shows in others."""
-    out = int(fitted + held)
-    ways = [comb(held_rows, k) * comb(fitted_rows, out - k) for k in range(out + 1)]
-    return sum(ways[int(held):]) < DOUBT * sum(ways)
+    k = np.arange(max(0, fitted + held - fitted_rows), min(held_rows, fitted + held) + 1)
+    ways = np.exp(_log_ways(held_rows, k) + _log_ways(fitted_rows, fitted + held - k)
+                  - _log_ways(held_rows + fitted_rows, np.array(fitted + held)))
+    return bool(np.sum(ways[k >= held]) < DOUBT)
+
+
+def _log_ways(rows: int, chosen: np.ndarray) -> np.ndarray:
+    """Of so many rows to choose so many."""
+    return special.gammaln(rows + 1) - special.gammaln(chosen + 1) - special.gammaln(rows - chosen + 1)
 
 
 def rises(before, after) -> bool:

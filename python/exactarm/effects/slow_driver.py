@@ -52,8 +52,7 @@ def drivers(data) -> list[str]:
 
 def clock_of(view) -> str:
     """Time where the rows of a set-up have one clock (a run may start its own anew), else their order."""
-    data = view.data
-    return TIME if data.time is not None and np.ptp(data.time) > 0.0 and not view.is_series else ROW
+    return ROW if view.is_series else clock(view.data)
 
 
 def in_order(data, session: int, driver: str) -> tuple[np.ndarray, np.ndarray]:
