@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from exactarm.data.dataset import Dataset
 from exactarm.first_aid.first_aid import first_aid
 from exactarm.identify.gear import identify_gears
 from exactarm.robot_file import load_robot
@@ -82,3 +83,17 @@ def test_a_bias_is_no_clock():
     margin = 0.5 * (robot.joints[1].q_max - robot.joints[1].q_min - 0.5)
     data = simulate(robot, GearRuns(2, 0.1, 2, 500.0, 5e-4, margin=margin), rest=np.zeros(6))
     assert first_aid(robot, replace(data, gyro=data.gyro + np.array([0.0, 1e-3, 3e-3]))) == ()
+
+
+@pytest.mark.parametrize("starts, ends", [(0.6, 0.0), (0.0, 0.6), (0.6, 0.6)])
+def test_a_run_that_is_cut_in_motion_has_no_clock_of_its_own(starts, ends):
+    """Beyond its ends it went on: a mean that took it to stand still there saw -21 ms at the beginning of the
+    first."""
+    robot, random = rigid(), np.random.default_rng(6)
+    time = np.arange(0.0, 5.2, 0.002)
+    rate = np.interp(time, [0.1, 0.4, 1.67, 2.4, 4.8, 5.1], [starts, 0.6, 0.6, -0.6, -0.6, -ends])
+    theta = np.zeros((len(time), 6))
+    theta[:, 3] = robot.ratios[3] * 0.002 * np.cumsum(rate)
+    gyro = np.outer(rate, [0.0, 0.6, 0.8]) + random.normal(0.0, 5e-4, (len(time), 3))
+    data = Dataset.of_arrays("gear_run", {"theta": theta}, gyro=gyro, time=time, run=np.ones(len(time), int))
+    assert first_aid(robot, data) == ()

@@ -34,7 +34,7 @@ from exactarm.diagnose.selected import Accepted, Selection
 from exactarm.diagnose.selection import Progress, select, select_anew
 from exactarm.diagnose.signal import Structure
 from exactarm.diagnose.standing import Dropped, Judged, errors_of
-from exactarm.diagnose.unknown_axes import UnknownAxes, supported_axes
+from exactarm.diagnose.unknown_axes import UnknownAxes, supported_axes, unknown_axes
 from exactarm.diagnose.verdict import (
     UNEXPLAINED,
     held_out_excess,
@@ -140,7 +140,8 @@ class Diagnosis:
     excluded_more: bool = False  # of the validation rows, than chance makes of wrong ones
     undecided: tuple[str, ...] = ()  # validation rows of which nothing says whether a step lies before them
     left_over: LeftOver | None = None
-    beyond: UnknownAxes | None = None  # of series: beside a model to which nothing else objects
+    # of series, beside a model to which nothing else objects; of poses that no posterior of all causes judged
+    beyond: UnknownAxes | None = None
 
     @property
     def converged(self) -> bool:
@@ -204,10 +205,12 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     else:
         verdict = verdict_of_causes(causes, after, noise, excess, left.of_posture)
     beyond = None
-    if verdict != UNEXPLAINED and problem.unknown_rivals:
+    if causes is None and problem.by_posterior:
+        beyond = unknown_axes(problem, last)
+    elif verdict != UNEXPLAINED and problem.unknown_rivals:
         beyond = supported_axes(problem, last)
-        if beyond.something >= NAMED_AT:
-            verdict = UNEXPLAINED
+    if beyond and beyond.something >= NAMED_AT:
+        verdict = UNEXPLAINED
     waves = problem.waves(last, noise.value if noise.measured else None)
     unknown = _unknown_beside(causes, (*findings, *dropped))
     unconverged = _unconverged(selection)
@@ -227,8 +230,8 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     may_draft = (problem.drafts or problem.unknown_rivals) and not unconverged and not undecided
     if verdict == UNEXPLAINED and may_draft:
         progress(DRAFTING)
-        drafts, others, drafted = drafts_of(problem, declared,
-                                            _without_outdone(problem, declared, last, findings), beyond)
+        bare = _without_outdone(problem, declared, last, findings)
+        drafts, others, drafted = drafts_of(problem, declared, bare, beyond if bare is last else None)
         if causes is None and (drafts or others):
             unknown = tuple(Structure(draft.effect.title) for draft in drafts) + others
             waves = problem.waves(drafted, noise.value if noise.measured else None)

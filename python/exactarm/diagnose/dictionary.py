@@ -9,7 +9,8 @@ Of one signal s (c a place, w a width, both searched):
 of two, s and t:
 
     a*s*t   a*s^2*t   a*s*t^2   a*sin(s)*sin(t)   a*cos(s)*cos(t)   a*sin(s)*cos(t)   a*cos(s)*sin(t)
-    a*u^2   a*abs(u)   a*sin(u) + b*cos(u)   with u = s + t or s - t
+    a*u^2   a*abs(u)   with u = s + t or s - t
+    a*sin(k*s + n*t) + b*cos(k*s + n*t), k = 1, 2, n = -2, -1, 1, 2 (angles)
 
 and series of cosines over the range of one signal, or products of them over two, whose sizes fall as those
 of a Gaussian process do (unknown.py). Every coefficient has the same plausible size at the joint, whatever
@@ -20,7 +21,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 
@@ -28,7 +29,7 @@ from exactarm.diagnose.unknown import AMPLITUDE, LENGTHS, sizes_of
 from exactarm.effects.expression import Expression
 from exactarm.numerics.formula import LONGEST, Formula, linear_names
 
-_HARMONICS = range(1, 7)
+_HARMONICS, _HARMONICS_OF_TWO = range(1, 7), (1, 2)  # the latter: of the waves of two (unknown.py)
 _PLACES = (
     0.1,
     0.2,
@@ -105,7 +106,10 @@ def _of_two(joint: int, s: str, x: np.ndarray, t: str, y: np.ndarray, term: int)
     if s.startswith("q_") and t.startswith("q_"):
         texts += [f"a*{f}({s})*{g}({t})" for f in ("sin", "cos") for g in ("sin", "cos")]
         for w in (f"({s} + {t})", f"({s} - {t})"):
-            texts += [f"a*{w}^2", f"a*abs{w}", f"a*sin{w} + b*cos{w}"]
+            texts += [f"a*{w}^2", f"a*abs{w}"]
+        for k, n, sign in product(_HARMONICS_OF_TWO, _HARMONICS_OF_TWO, "+-"):
+            w = f"({_times(k, s)} {sign} {_times(n, t)})"
+            texts.append(f"a*sin{w} + b*cos{w}")
     made = [_expression(joint, text, both, {}, term) for text in texts]
     return [effect for effect in made if effect is not None] + [_series(joint, both, term)]
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from exactarm.diagnose.fitted import Fitted
 from exactarm.effects.base import Effect
+from exactarm.identify.load_doubt import left_open
 from exactarm.robot.generic_masses import with_unknown_load
 
 
@@ -31,11 +32,8 @@ def intervals_of(effect: Effect, last: Fitted, where: slice, free: np.ndarray) -
 
 
 def _wider_by_load(last: Fitted, effect: Effect, column: int, k: int, half: float) -> float:
-    """By how much half the interval of value k, `half` for the torques as they are, grows by their noise.
-
-    Torques known to e along any shape of unit mean square leave a size on them open by e / |r| of itself, r
-    the part of their shape that nothing else makes up for: 1 / |r| is standard deviation x length of the
-    whitened column, over the spread of the torques."""
-    length = float(np.linalg.norm(last.standard(last.jacobian[:, :, column : column + 1])))
-    doubt = last.view.rest_load.doubt(effect.index) * np.sqrt(last.fit.covariance[column, column]) * length
-    return float(np.hypot(half, last.fit.half_width(doubt * abs(effect.values[k])))) - half
+    """By how much half the interval of value k, `half` for the torques as they are, grows by their noise."""
+    opened = left_open(last.view.rest_load, effect.index, effect.values[k],
+                       np.sqrt(last.fit.covariance[column, column]),
+                       last.standard(last.jacobian[:, :, column : column + 1]))
+    return float(np.hypot(half, last.fit.half_width(opened))) - half

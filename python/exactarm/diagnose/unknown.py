@@ -19,8 +19,11 @@ is a speed
 
     g(q, s) = s (a sin(o q) + b cos(o q))
 
-Functions of two signals: products of few of them; of an axis's angle and its approach: one function, with
-the other sign from the other side. A signal of few values has a level at each of them, all alike likely:
+Functions of two signals: products of few of them, and of axes that turn by half a turn or more, products of
+waves once and twice a turn, with sizes that fall as orders to the power of -0.75: what an arm does goes with
+them, and the smooth functions of a turn are too slow for it. Of an axis's angle and its approach, or the
+direction in which it moves: one function, with the other sign from the other side. A signal of few values has
+a level at each of them, all alike likely:
 
     g(s) = b_s - mean of b,   b_s ~ N(0, amplitude^2)
 
@@ -61,6 +64,7 @@ AMPLITUDE = 3e-4  # rad of an axis, m of the device: what gears, springs and dev
 _LEAST_VALUES = 5  # different values of a signal; fewer are levels, not a curve
 _BY_SIDE, _TILTED, _WAVE = "by side", "tilted", "wave"
 _OF_THE_ARM = (ANGLE, TRAVEL, LOAD, APPROACH)  # no device follows them
+_FALLING = np.array([1.0, 1.0, 2.0**-0.75, 2.0**-0.75]) / np.sqrt(1.0 + 2.0**-1.5)  # of `_of_a_turn`
 _DECIMALS = 9  # of a signal in SI: no device measures a nanoradian; a load of 1e-17 Nm is rounding
 
 
@@ -167,9 +171,10 @@ def unknown_functions(signals: dict, directions: dict, tilts: dict,
     for name, pattern in turns.items():
         for signal, basis in bases.items():
             yield Unknown(name, (signal,)), _moved([pattern], basis), lengths[signal]
-        side = Signal(APPROACH, name.axis)
+        side = next((side for side in (Signal(APPROACH, name.axis), Signal(DIRECTION, name.axis))
+                     if side in signals), None)
         place = [signal for signal in curves if signal.places_axis and signal.axis == name.axis]
-        if side in levels and place:
+        if side and place and counts[side] < _LEAST_VALUES:
             basis = bases[place[0]] * signals[side][:, None]
             yield Unknown(name, (place[0], side), _BY_SIDE), _moved([pattern], basis), smooth
     whole = {signal: basis for signal, basis in bases.items()
@@ -238,16 +243,30 @@ def _of_place(place: list[np.ndarray], device: list[np.ndarray]) -> Function:
 
 
 def _of_two(curves: dict, turns: dict, device: list) -> Iterator[Function]:
-    """Products of functions of the angles of two axes, which move one axis, or the device's axes."""
-    few = {name: few_of(values) for name, values in curves.items() if name.places_axis}
+    """Products of functions of the angles of two axes, which move one axis, or the device's axes; of waves,
+    one axis: no device turns with the arm."""
     size = sizes_of(LENGTHS[1], _TERMS_OF_TWO)
-    names = list(few)
-    product_size = AMPLITUDE * np.outer(size, size).ravel()
     moved = {direction: [pattern]
              for direction, pattern in turns.items()} | ({TRACKER: device} if device else {})
+    yield from _products({name: (few_of(values), size) for name, values in curves.items()
+                          if name.places_axis}, moved)
+    yield from _products({name: (_of_a_turn(values), _FALLING) for name, values in curves.items()
+                          if name.quantity == ANGLE and np.ptp(values) >= np.pi},
+                         {direction: [pattern] for direction, pattern in turns.items()})
+
+
+def _products(factors: dict, moved: dict) -> Iterator[Function]:
+    """Of functions (N, k) of two signals, with the sizes (k,) of their coefficients."""
+    names = list(factors)
     for i, one in enumerate(names):
         for other in names[i + 1 :]:
-            product = (few[one][:, :, None] * few[other][:, None, :]).reshape(len(few[one]), -1)
+            (own, size), (beside, its) = factors[one], factors[other]
+            product = (own[:, :, None] * beside[:, None, :]).reshape(len(own), -1)
             for direction, patterns in moved.items():
                 yield (Unknown(direction, (one, other), "of two"), _moved(patterns, product),
-                       [np.tile(product_size, len(patterns))])
+                       [np.tile(AMPLITUDE * np.outer(size, its).ravel(), len(patterns))])
+
+
+def _of_a_turn(values: np.ndarray) -> np.ndarray:
+    """(N, 4) waves once and twice a turn of an axis: what an arm does goes with them."""
+    return np.stack([turned(k * values) for k in (1, 2) for turned in (np.cos, np.sin)], axis=1)

@@ -51,13 +51,13 @@ class KnownNoise:
 class UnknownAxes:
     """likely: axis -> probability that something else turns it, and the signals that it may follow, the
     likeliest first; noise: of the rows beside it, in the terms of evidence.py; others: axis, or None of a
-    device, and what probably moves it, in words; something: probability that one of them acts, where each is
-    weighed alone; faint: none of them takes as much away as an effect must."""
+    device, and what probably moves it, in words; something: probability that one of them acts, of runs where
+    each is weighed alone; faint: none of them takes as much away as an effect must."""
 
     noise: NoiseModel | KnownNoise
     likely: dict[int, tuple[float, list[Signal]]]
     others: tuple[tuple[int | None, Structure], ...] = ()
-    something: float | None = None
+    something: float = 0.0
     faint: bool = False
 
 
@@ -116,7 +116,7 @@ def _at_rest(problem: Problem, fitted: Fitted) -> UnknownAxes:
     vocabulary = vocabulary_of(fitted, [], problem.unknown_functions(fitted))
     noise = estimate_noise(fitted.residual, lost, visits, rounding=rounding, declared=declared)
     if not vocabulary.blocks:
-        return UnknownAxes(noise, {})
+        return UnknownAxes(noise, {}, something=0.0)
     for _ in range(_NOISE_PASSES):
         picture = Picture.of(vocabulary, fitted.residual, fitted.jacobian, noise, fitted.prior)
         certain, posterior = search(picture, _MOST_FUNCTIONS)
@@ -135,13 +135,14 @@ def _at_rest(problem: Problem, fitted: Fitted) -> UnknownAxes:
         if block.label in by_label:
             signals[by_label[block.label]] += [
                 s for s in block.unknown.signals if s not in signals[by_label[block.label]]]
+    something = 1.0 if certain.blocks else posterior.probability(bool)
     sure = {by_label.get(vocabulary.blocks[i].label) for i in certain.blocks}
     found = {}
     for axis, names in signals.items():
         mine = {label for label, turned in by_label.items() if turned == axis}
         probability = 1.0 if axis in sure else posterior.probability(partial(_any_of, mine))
         found[axis] = (min(probability, 1.0), names)
-    return UnknownAxes(noise, found)
+    return UnknownAxes(noise, found, something=something)
 
 
 def _any_of(mine: set[str], labels: tuple[str, ...]) -> bool:

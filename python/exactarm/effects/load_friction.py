@@ -21,7 +21,7 @@ class LoadFriction(DriveEffect):
     source = "Hamon, Gautier and Garrec 2010"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("coefficient", 0.1, -5.0, 5.0),)
+        return (Parameter("coefficient", 0.1, 0.0, 5.0),)
 
     def change(self, view) -> Change:
         torque = view.torque[:, self.index]

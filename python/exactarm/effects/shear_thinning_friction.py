@@ -24,7 +24,7 @@ class ShearThinningFriction(DriveEffect):
     source = "Reiner 1926; Simoni, Beschi, Legnani and Visioli 2015"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("coefficient_Nm_sqrt_s", 10.0),)
+        return (Parameter("coefficient_Nm_sqrt_s", 10.0, lower=0.0),)
 
     def change(self, view) -> Change:
         rate = self.rate(view)

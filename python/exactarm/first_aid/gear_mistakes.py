@@ -194,8 +194,9 @@ def _somewhat_off(robot: Robot, shares: dict[int, float]) -> list[Suspicion]:
 
 
 def _smooth(values: np.ndarray) -> np.ndarray:
+    """A moving mean; beyond its ends a run goes on as it went, which it was in where it is cut in motion."""
     width = max(1, min(25, len(values) // 20))
-    padded = np.pad(values, width // 2, mode="edge")
+    padded = np.pad(values, width // 2, mode="reflect", reflect_type="odd")
     return np.convolve(padded, np.ones(width) / width, mode="same")[width // 2 :][: len(values)]
 
 

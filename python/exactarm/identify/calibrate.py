@@ -31,6 +31,7 @@ from exactarm.identify.declared import (
 )
 from exactarm.identify.drawing import FREE, Drawn
 from exactarm.identify.identifiability import Identifiability, select_identifiable, still_axes
+from exactarm.identify.load_doubt import with_load_doubt
 from exactarm.identify.loads import kept_masses, with_loads
 from exactarm.identify.match import require_match
 from exactarm.identify.pose_fit import PoseFit, fit_poses
@@ -147,6 +148,7 @@ def calibrate(robot: Robot, data: Dataset, options: CalibrationOptions = Calibra
     if carried.size:
         layout = Layout(fit.layout.effects, layout.free).joined(carried)
         fit, identifiability = fit_identifiable(robot, layout, train, orientation, options)
+    fit = with_load_doubt(fit)
     progress(JUDGING)
     error_before = before.error(data, options.threads)
     residual = fit.residual(data, options.threads)
