@@ -248,7 +248,7 @@ def _posterior(result: Diagnosis) -> dict[str, Any]:
     causes = result.causes
     if causes is None:
         something = result.beyond.something if result.beyond else None
-        without = min((1.0 - finding.probability for finding in result.findings), default=1.0)
+        without = min(map(_empty, result.findings), default=1.0)
         return {"probability_nothing": None if something is None else without * (1.0 - something),
                 "probability_something_else": something, "false_alarm_rate": None, "self_test": None}
     return {"probability_nothing": causes.probability_nothing,
@@ -257,6 +257,14 @@ def _posterior(result: Diagnosis) -> dict[str, Any]:
             "self_test": {"sets": causes.test.sets, "share_right": causes.test.share_right,
                           "draws": causes.test.draws},
             "noise": _noise(causes)}
+
+
+def _empty(finding: Finding) -> float:
+    """Probability that nothing acts in the place of a finding: neither it nor another one of its set."""
+    sure = sum(probability for *_, probability in finding.credible_set)
+    own = next((p for name, joint, p in finding.credible_set
+                if (name, joint) == (finding.effect.name, finding.effect.joint)), 0.0)
+    return 1.0 - min(finding.probability * (sure / own if own > 0.0 else 1.0), 1.0)
 
 
 def _noise(causes: Causes) -> dict[str, Any]:

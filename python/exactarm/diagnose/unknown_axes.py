@@ -107,7 +107,7 @@ def _in_time(fitted: Fitted, count: float, found: list[Weighed]) -> UnknownAxes:
             likely[direction.axis] = probability, list(dict.fromkeys(s for signals in near for s in signals))
         if probability >= NAMED_AT:
             others.append((direction.axis, ours[0].unknown.structure))
-    return UnknownAxes(noise, likely, tuple(others), something)
+    return UnknownAxes(noise, likely, tuple(others), min(something, 1.0))
 
 
 def _at_rest(problem: Problem, fitted: Fitted) -> UnknownAxes:
@@ -135,7 +135,7 @@ def _at_rest(problem: Problem, fitted: Fitted) -> UnknownAxes:
         if block.label in by_label:
             signals[by_label[block.label]] += [
                 s for s in block.unknown.signals if s not in signals[by_label[block.label]]]
-    something = 1.0 if certain.blocks else posterior.probability(bool)
+    something = 1.0 if certain.blocks else min(posterior.probability(bool), 1.0)
     sure = {by_label.get(vocabulary.blocks[i].label) for i in certain.blocks}
     found = {}
     for axis, names in signals.items():

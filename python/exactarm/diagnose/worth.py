@@ -43,9 +43,9 @@ def takes_enough(problem: Problem, fitted: Fitted, columns: np.ndarray, prior: n
     groups = problem.groups_for(_response(fitted, columns))
     if not np.array_equal(groups, problem.groups()):
         parted = CrossValidation.of(fitted, folds_of(groups, problem.seed))
-    units = problem.units(parted.folds)
-    without = parted.squares(units=units)
-    falls = without - parted.squares(columns, prior, units)
+    units, rows = problem.units(parted.folds), np.arange(len(groups))
+    without = parted.squares(units=rows)
+    falls = np.bincount(units, weights=without - parted.squares(columns, prior, rows))
     fall = falls[_showing(fitted, columns, units)]
     certain = _as_promised(falls, _promised(fitted, columns, prior, units))
     certain = certain or fall.mean() > _FOLD_CERTAINTY * fall.std(ddof=1) / np.sqrt(len(fall))
@@ -54,7 +54,14 @@ def takes_enough(problem: Problem, fitted: Fitted, columns: np.ndarray, prior: n
     # A fall g of a square sum of white noise scatters by 2 sqrt(g): beyond 4 z^2 every unit is sure of it.
     certain = certain or (len(fall) >= _LEAST_SHOWING and np.all(fall > 4.0 * _FOLD_CERTAINTY**2))
     least = max(least_share, problem.rounding_share(fitted))
-    return bool(certain and fall.sum() > least * without.sum())
+    return bool(certain and fall.sum() > least * without[rows_showing(fitted, columns)].sum())
+
+
+def rows_showing(fitted: Fitted, columns: np.ndarray) -> np.ndarray:
+    """(N,) bool: rows that respond to whitened columns (R, k). A run in which the axis stands tells nothing
+    of its gear, and none of its noise is to be explained."""
+    response = _by_row(columns, fitted)
+    return response > _RESPONDING * response.max()
 
 
 def holds_elsewhere(problem: Problem, fitted: Fitted, effects: list[Effect]) -> bool:
@@ -104,8 +111,7 @@ def _as_promised(fall: np.ndarray, promised: np.ndarray) -> bool:
 
 
 def _showing(fitted: Fitted, columns: np.ndarray, units: np.ndarray) -> np.ndarray:
-    """Which units (U,) bool respond to the columns at all: a run in which the axis stands tells nothing about
-    its gear."""
+    """Which units (U,) bool respond to the columns at all."""
     response = np.bincount(units, weights=_by_row(columns, fitted))
     showing = response > _RESPONDING * response.max()
     return showing if showing.sum() >= _LEAST_SHOWING else np.ones(len(response), bool)
