@@ -183,7 +183,7 @@ def _json(result: Diagnosis) -> dict[str, Any]:
         "dropped": [each.to_json() for each in result.dropped],
         "alternatives": [{"effect": a.effect.name, "joint": a.effect.joint, "instead_of": a.instead_of,
                           "validation_rms_after": a.rms_after, "probability": a.probability,
-                          "cannot_be_told_apart": a.collides}
+                          "held_out_gain_nats": a.gain, "cannot_be_told_apart": a.collides}
                          for a in result.alternatives],
         "verdict": result.verdict,
         "sentence": result.sentence,
@@ -279,7 +279,8 @@ def _noise(causes: Causes) -> dict[str, Any]:
 def _unknown(result: Diagnosis) -> dict[str, Any]:
     place, causes = result.selection.open_place, result.causes
     rms = result.after["validation" if result.after["validation"].n else "identification"].rms
-    told = _structure(result) if place is None or causes is None else _one_of_many(result, causes, place)
+    told = (_another(result) if result.preferred else
+            _structure(result) if place is None or causes is None else _one_of_many(result, causes, place))
     return {"effect": UNKNOWN, "joint": None, "parameters": {}, "validation_rms_before": rms,
             "validation_rms_after": rms, "compensable": False} | told
 
@@ -316,6 +317,13 @@ def _one_of_many(result: Diagnosis, causes: Causes, place: Accepted) -> dict[str
         "evidence": "one of several causes that this data cannot tell apart: "
                     f"{result.selection.undecided}",
         "set": [{"effect": name, "joint": joint, "probability": p} for name, joint, p in place.credible_set]}
+
+
+def _another(result: Diagnosis) -> dict[str, Any]:
+    """Where rows that were not fitted speak for a rival of what was found; probability: that none of the
+    library's is it."""
+    return {"probability": _posterior(result)["probability_something_else"] or 0.0,
+            "evidence": result.preferred.strip()}
 
 
 def _residuals(result: Diagnosis) -> dict[str, Any]:

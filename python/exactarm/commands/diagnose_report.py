@@ -101,6 +101,8 @@ def verdict_of(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contr
             text += f" These data cannot tell {own.title} from {more}{rival}."
     if result.held_out_gain < AGAINST:
         text += spoken_against(len(found))
+    elif result.preferred:
+        text += result.preferred
     elif result.verdict == UNEXPLAINED:
         text += (" Something is left that no known cause explains: "
                  f"{remains(result.dossier_after, result.excess, result.unknown)}.")
@@ -177,7 +179,10 @@ def _next(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contributi
     lines = []
     stood, refuted = stood_and_refuted(result.findings)
     corrected = sorted({f.effect.in_plain_words_on(robot) for f in stood if f.effect.compensable})
-    if found and not _pays(result):
+    if result.preferred:
+        lines.append("Keep your robot file: rows that were not fitted speak for another cause than those "
+                     "found.")
+    elif found and not _pays(result):
         lines.append("The causes are probable by the fitted rows, but do not lower the error of the others: "
                      "keep your robot file until a new measurement decides.")
     elif corrected:
@@ -208,7 +213,7 @@ def _next(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contributi
                      "there is the one to trust.")
     if result.next_experiment:
         lines.append(result.next_experiment)
-    if result.verdict == UNEXPLAINED and result.converged:
+    if result.verdict == UNEXPLAINED and result.converged and not result.preferred:
         lines.append(measure_more(result))
     if result.drafts:
         one = len(result.drafts) == 1

@@ -13,9 +13,10 @@ import numpy as np
 from exactarm.chain import Layout
 from exactarm.data.dataset import Dataset
 from exactarm.data.split import DEFAULT_SEED
+from exactarm.diagnose.alternatives import Alternative, alternatives_of, preferred_elsewhere
 from exactarm.diagnose.confusion import next_experiments
 from exactarm.diagnose.contribution import Contribution, contributions
-from exactarm.diagnose.decisions import DOUBT, NAMED_AT
+from exactarm.diagnose.decisions import NAMED_AT
 from exactarm.diagnose.dossier import Dossier, dossier
 from exactarm.diagnose.draft import Draft, drafts_of
 from exactarm.diagnose.fitted import Fitted, rows_undecided
@@ -33,11 +34,12 @@ from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.selected import Accepted, Selection
 from exactarm.diagnose.selection import Progress, select, select_anew
 from exactarm.diagnose.signal import Structure
-from exactarm.diagnose.standing import Dropped, Judged, errors_of
+from exactarm.diagnose.standing import Dropped, Judged
 from exactarm.diagnose.unknown_axes import UnknownAxes, supported_axes, unknown_axes
 from exactarm.diagnose.verdict import (
     UNEXPLAINED,
     held_out_excess,
+    judged_of,
     more_left_out,
     no_verdict,
     rises,
@@ -60,8 +62,6 @@ LEFT, NEXT, DRAFTING = "what is left", "the next experiment", "drafting what is 
 STEPS = (DECLARED, SEARCHING, ALL_ROWS, LEFT, NEXT, DRAFTING)
 
 _SPREADS = 4.0  # a chance of few parameters: times the expected spread
-_RIVALS_EACH, _RIVALS, _LEAST_RIVAL = 2, 5, 1e-3  # the strongest is fitted, however improbable
-_MANY_PARAMETERS = 200  # above it, it alone
 
 
 @dataclass(frozen=True)
@@ -85,18 +85,6 @@ class Finding:
     own_share: float | None = None
     likelier: Structure | None = None
     caveat: str = ""  # what the estimate cannot tell
-
-
-@dataclass(frozen=True)
-class Alternative:
-    """A rival of a finding: what it would leave on the validation rows, and whether this data can tell them
-    apart."""
-
-    effect: Effect
-    instead_of: str
-    rms_after: float
-    probability: float
-    collides: bool
 
 
 @dataclass(frozen=True)
@@ -138,6 +126,7 @@ class Diagnosis:
     excluded_places: tuple[str, ...] = ()  # of these rows, in words
     excluded_elsewhere: tuple[str, ...] = ()  # of those among the validation rows
     excluded_more: bool = False  # of the validation rows, than chance makes of wrong ones
+    preferred: str = ""  # of a rival for which rows that were not fitted speak, where nothing else is left
     undecided: tuple[str, ...] = ()  # validation rows of which nothing says whether a step lies before them
     left_over: LeftOver | None = None
     # of series, beside a model to which nothing else objects; of poses that no posterior of all causes judged
@@ -194,7 +183,8 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     findings = tuple(_finding(accepted, last, declared, place, errors, problem,
                               own[place] if own else None, judged.sure[place])
                      for place, accepted in enumerate(selection.accepted))
-    alternatives = _alternatives(problem, declared, selection)
+    alternatives = alternatives_of(problem, declared, selection, errors[-1])
+    preferred = preferred_elsewhere(alternatives, [finding.effect for finding in findings])
     progress(NEXT)
     words, experiments = next_experiments(problem, last, findings, alternatives, selection.open_place)
     spread = problem.spread(last)
@@ -226,23 +216,25 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     more = more_left_out(int(wrong.sum()), len(wrong), int(np.sum(~between)), len(problem.held_out))
     if unconverged or refuted or worse or waves or undecided or gain < AGAINST or more:
         verdict = UNEXPLAINED
+    of_what_is_left, verdict = verdict, UNEXPLAINED if preferred else verdict
     drafts = ()
     may_draft = (problem.drafts or problem.unknown_rivals) and not unconverged and not undecided
-    if verdict == UNEXPLAINED and may_draft:
+    if of_what_is_left == UNEXPLAINED and may_draft:
         progress(DRAFTING)
         bare = _without_outdone(problem, declared, last, findings)
         drafts, others, drafted = drafts_of(problem, declared, bare, beyond if bare is last else None)
         if causes is None and (drafts or others):
             unknown = tuple(Structure(draft.effect.title) for draft in drafts) + others
             waves = problem.waves(drafted, noise.value if noise.measured else None)
-    unknown += waves or (problem.shakes(last) if verdict == UNEXPLAINED else ())
+    unknown += waves or (problem.shakes(last) if of_what_is_left == UNEXPLAINED else ())
     return Diagnosis(
         robot=kept_masses(_bound(problem.updated_robot(last), robot, data), robot),
         kind=problem.kind, unit=problem.unit, noise=noise, before=before, after=after, findings=findings,
         alternatives=alternatives, verdict=verdict,
         sentence=no_verdict(unconverged) if unconverged else sentence_of(
-            verdict, findings, alternatives, before, told, left, excess, unknown, gain, undecided, withdrawn,
-            dropped[::-1], bool(beyond and beyond.faint)),
+            of_what_is_left, findings, alternatives, before, told, left, excess, unknown, gain, undecided,
+            withdrawn, dropped[::-1], bool(beyond and beyond.faint)) + preferred,
+        preferred="" if of_what_is_left == UNEXPLAINED else preferred,
         dropped=dropped,
         causes=causes, unconverged=unconverged, drafts=drafts, unknown=unknown, excess=excess,
         held_out_gain=gain, next_experiment=words, experiments=experiments, dossier_before=had,
@@ -330,11 +322,6 @@ def _gone(errors: list[dict[str, np.ndarray]]) -> np.ndarray:
     return np.flatnonzero(np.isfinite(errors[0]["validation"]) & np.isnan(errors[-1]["validation"]))
 
 
-def _judged(errors: dict[str, np.ndarray]) -> np.ndarray:
-    values = errors["validation"] if errors["validation"].size else errors["identification"]
-    return values[np.isfinite(values)]
-
-
 def _finding(accepted: Accepted, last, declared, place, errors, problem, own: Own | None,
              probability: float) -> Finding:
     index = len(declared.effects) + place
@@ -346,9 +333,9 @@ def _finding(accepted: Accepted, last, declared, place, errors, problem, own: Ow
         half = float(last.fit.half_width(sigma))
         derived[name] = (value, value - half, value + half)
     caveat = effect.caveat(covariance)
-    before, after = (rms_of(_judged(errors[k])) for k in (accepted.round, accepted.round + 1))
+    before, after = (rms_of(judged_of(errors[k])) for k in (accepted.round, accepted.round + 1))
     if own is not None:  # with all others in the model, whose round it shares
-        after = rms_of(_judged(errors[-1]))
+        after = rms_of(judged_of(errors[-1]))
         before = own.without * after
     judged = "validation" if errors[0]["validation"].size else "identification"
     evidence = (f"log evidence {accepted.evidence:.0f} over a model without it, "
@@ -360,23 +347,3 @@ def _finding(accepted: Accepted, last, declared, place, errors, problem, own: Ow
         + (f"; {caveat}" if caveat else "")
         + (f"; likelier: {accepted.likelier}" if accepted.likelier else ""),
         derived, accepted.in_its_place(), own.share if own else None, accepted.likelier, caveat)
-
-
-def _alternatives(problem: Problem, declared: Layout, selection: Selection) -> tuple[Alternative, ...]:
-    """The strongest rivals of the findings, each fitted in its place."""
-    chosen = [a.effect for a in selection.accepted]
-    last = selection.fits[-1]
-    rivals = [(rival.evidence - a.evidence, a.probability, place, rival.effect)
-              for place, a in enumerate(selection.accepted) for rival in a.rivals[:_RIVALS_EACH]
-              if rival.evidence > 0.0]
-    found = []
-    for nats, sure, place, effect in sorted(rivals, key=lambda rival: -rival[0])[:_RIVALS]:
-        probability = float(np.exp(min(nats, 0.0)) * sure)
-        if found and (probability < _LEAST_RIVAL or last.layout.size > _MANY_PARAMETERS):
-            continue
-        effects = chosen[:place] + [effect] + chosen[place + 1 :]
-        fitted = problem.settled(refit(problem.rough, declared, effects, last))
-        left = rms_of(_judged(errors_of(problem, fitted)))
-        found.append(Alternative(fitted.layout.effects[len(declared.effects) + place], chosen[place].label,
-                                 left, probability, probability > DOUBT))
-    return tuple(sorted(found, key=lambda a: -a.probability))

@@ -77,6 +77,12 @@ def rms_of(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
 
 
+def judged_of(errors: dict[str, np.ndarray]) -> np.ndarray:
+    """Errors that the model is judged by: of the validation rows, where there are any."""
+    values = errors["validation"] if errors["validation"].size else errors["identification"]
+    return values[np.isfinite(values)]
+
+
 def held_out_excess(errors: dict[str, np.ndarray], unit: float, spread: float = 0.0) -> float:
     """How many times more the model errs on held-out rows than its fit lets expect; 1 where nothing is held
     out.
