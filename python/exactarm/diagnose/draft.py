@@ -23,7 +23,7 @@ import numpy as np
 
 from exactarm.chain import Layout
 from exactarm.diagnose.cross_validation import folds_of
-from exactarm.diagnose.decisions import DOUBT, LEAST_NATS, NAMED_AT
+from exactarm.diagnose.decisions import DOUBT, LEAST_NATS, MANY_PARAMETERS, NAMED_AT
 from exactarm.diagnose.dictionary import forms_of, is_series, sum_of
 from exactarm.diagnose.evidence import Absorbed, Members
 from exactarm.diagnose.fitted import Fitted
@@ -47,6 +47,7 @@ from exactarm.diagnose.vocabulary import vocabulary_of
 from exactarm.effects.axis_units import moves_by
 from exactarm.effects.base import Effect
 from exactarm.effects.expression import Expression, signal_of
+from exactarm.noise.model import NoiseModel
 from exactarm.numerics.formula import LONGEST
 from exactarm.robot.robot import Robot
 
@@ -140,15 +141,23 @@ def drafts_of(problem: Problem, declared: Layout, last: Fitted, seen: UnknownAxe
             continue
         titled = replace(formula, heading=_title(formula, problem.robot))
         chosen = [*fitted.layout.effects[len(declared.effects) :], titled]
-        weights = seen.noise if problem.by_posterior else None
-        trial = refit(problem, declared, chosen, fitted, weights)
+        trial = refit(problem, declared, chosen, fitted, _weighed_alike(problem, last, seen))
         if trial.fit.converged and not _spoken_against(problem, fitted, trial):
             found.append(_draft(problem, fitted, trial, log_bayes, likely[axis], not is_series(formula)))
             fitted = trial
             if not problem.by_posterior:
                 seen = unknown_axes(problem, fitted)
+        elif trial.layout.size > MANY_PARAMETERS:
+            break  # seconds each, and the likeliest has failed
     drafted = {draft.effect.joint for draft in found}
     return tuple(found), tuple(what for axis, what in seen.others if axis not in drafted), fitted
+
+
+def _weighed_alike(problem: Problem, last: Fitted, seen: UnknownAxes) -> NoiseModel | None:
+    """The noise whose row weights a trial takes: none where `last` was fitted without them, for the RMS of
+    other rows grows by weights alone."""
+    used = last.weight[last.weight > 0.0]
+    return seen.noise if problem.by_posterior and np.ptp(used) > 0.0 else None
 
 
 def _spoken_against(problem: Problem, before: Fitted, after: Fitted) -> bool:
