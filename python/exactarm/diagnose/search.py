@@ -65,7 +65,8 @@ class Posterior:
     def probability(self, holds) -> float:
         """Sum over all label sets for which `holds(labels)`."""
         total = self.total()
-        return float(sum(np.exp(weight - total) for labels, weight in self.weights.items() if holds(labels)))
+        found = sum(np.exp(weight - total) for labels, weight in self.weights.items() if holds(labels))
+        return min(float(found), 1.0)  # rounding
 
 
 def log_prior_of_count(count: int, known: int = 0) -> float:

@@ -135,13 +135,13 @@ def _at_rest(problem: Problem, fitted: Fitted) -> UnknownAxes:
         if block.label in by_label:
             signals[by_label[block.label]] += [
                 s for s in block.unknown.signals if s not in signals[by_label[block.label]]]
-    something = 1.0 if certain.blocks else min(posterior.probability(bool), 1.0)
+    something = 1.0 if certain.blocks else posterior.probability(bool)
     sure = {by_label.get(vocabulary.blocks[i].label) for i in certain.blocks}
     found = {}
     for axis, names in signals.items():
         mine = {label for label, turned in by_label.items() if turned == axis}
         probability = 1.0 if axis in sure else posterior.probability(partial(_any_of, mine))
-        found[axis] = (min(probability, 1.0), names)
+        found[axis] = (probability, names)
     return UnknownAxes(noise, found, something=something)
 
 

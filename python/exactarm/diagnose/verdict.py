@@ -213,8 +213,10 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
         return f"The residual has a structure {unnamed}; {remains(left, excess, unknown)}."
     if left.structure:
         like = ", as noise does that neighbouring rows share" if left.strongest.signal.of_time else ""
+        share = 100.0 * left.strongest.share
         return (f"The data support no effect of the library: the residual follows the {left.strongest.signal}"
-                f" beyond chance, with {100 * left.strongest.share:.0f} % of its square sum{like}.")
+                f" beyond chance, but only with {f'{share:.0f}' if share >= 1.0 else 'less than 1'} % of its "
+                f"square sum{like}.")
     text = "Nothing is missing: the residual of the declared model cannot be told from noise."
     return text + (f" (The fitted rows alone asked for {_listed(withdrawn)}; rows that were not fitted speak "
                    f"against {'it' if len(withdrawn) == 1 else 'them'}.)" if withdrawn else "")
