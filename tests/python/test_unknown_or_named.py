@@ -28,7 +28,7 @@ def causes(residual, more_nats):
     noise = normal_noise(residual)
     price = 0.5 * np.log(3 * ROWS)
     score = log_likelihood_under(noise, residual) - price + log_prior_of_count(1) + NAME_PRIOR + more_nats
-    return SimpleNamespace(noise=noise, score=score, name_prior=NAME_PRIOR)
+    return SimpleNamespace(noise=noise, score=score, name_prior=NAME_PRIOR, places=())
 
 
 @pytest.mark.parametrize("more_nats, win", [(-1.0, True), (1.0, False)])
@@ -43,3 +43,13 @@ def test_an_effect_pays_for_every_column(residual):
 
 def test_what_leaves_more_does_not_count(residual):
     assert not steps_win(causes(residual, -1.0), steps(1.01 * residual, 1))
+
+
+@pytest.mark.parametrize("columns, left, win", [(81, 1.0, True), (1, 1.0, False), (81, 3.0, False)])
+def test_a_curve_pays_for_its_columns_as_effects_do(residual, columns, left, win):
+    """A curve of 81 columns that leaves the noise, beside an effect of five that leaves as much; the same of
+    one column; and beside an effect that leaves three times as much. The score, of the last picture, knows no
+    price of what stands."""
+    curve = causes(residual, 1000.0)
+    curve.places, curve.fits = ("curve",), steps(residual, columns).fits
+    assert steps_win(curve, steps(left * residual, 5)) == win

@@ -296,15 +296,17 @@ def _search(problem: Problem, declared: Layout, progress: Progress) -> tuple[Sel
         declared, found = select_anew(part, declared, progress)
     else:
         found = selection_of(causes)
-        if causes.unknown and not causes.places:
-            # Forms that no block has (an order with its overtone) are reached step by step only.
+        curved = any(place.effect.any_curve for place in causes.places)
+        if all(place.effect.any_curve for place in causes.places) and (causes.unknown or curved):
+            # Forms that no block has (an order with its overtone) are reached step by step only: unknown
+            # functions, or a curve of other orders, stand in for them.
             by_steps = select(part, declared, progress)
             if by_steps.accepted and steps_win(causes, by_steps):
-                found, causes = by_steps, None
-        elif any(place.effect.any_curve for place in causes.places):
+                found, causes, curved = by_steps, None, False
+        if curved:
             # Where one gear has an error of many orders, the others will: too many for one picture.
-            curved = select(part, declared, progress, found)
-            found, causes = (found, causes) if curved is None else (curved, None)
+            more = select(part, declared, progress, found)
+            found, causes = (found, causes) if more is None else (more, None)
     fits = list(found.fits)
     if rows is not None:
         progress(ALL_ROWS)

@@ -186,16 +186,16 @@ def _companions(chosen: list[Effect]) -> list[Effect]:
 
 
 def steps_win(causes: Causes, steps: Selection) -> bool:
-    """Whether effects that were found step by step are likelier than the unknown functions that the posterior
-    knows only, under the same noise: their likelihood by Schwarz's approximation
+    """Whether effects that were found step by step are likelier than the unknown functions, or the curves,
+    that the posterior knows only, under the same noise: their likelihood by Schwarz's approximation
 
-        log p(r given steps) = log p(residual) - k/2 log n,     k: columns of the effects
-
-    The declared parameters are the same, and cancel."""
-    first, last, count = steps.fits[0], steps.fits[-1], len(steps.accepted)
-    price = 0.5 * (last.layout.size - first.layout.size) * np.log(causes.noise.numbers)
-    prior = log_prior_of_count(count) + count * causes.name_prior
-    return log_likelihood_under(causes.noise, last.residual) - price + prior > causes.score
+        log p(r given steps) = log p(residual) - k/2 log n,     k: columns of the effects"""
+    def weighed(last: Fitted, count: int) -> float:
+        price = 0.5 * (last.layout.size - steps.fits[0].layout.size) * np.log(causes.noise.numbers)
+        prior = log_prior_of_count(count) + count * causes.name_prior
+        return log_likelihood_under(causes.noise, last.residual) - price + prior
+    own = weighed(causes.fits[-1], len(causes.places)) if causes.places else causes.score
+    return weighed(steps.fits[-1], len(steps.accepted)) > own
 
 
 def _tested(problem: Problem, first: Fitted, vocabulary: Vocabulary, found: Found) -> SelfTest:
