@@ -36,7 +36,8 @@ def state_of(residual):
 def problem_of(groups, least_share=0.02, stretches=None, least_elsewhere=0.0, rounding=0.0):
     return SimpleNamespace(groups=lambda: groups, groups_for=lambda response: groups, seed=0,
                            at_one_place=lambda effect: False,
-                           units=lambda folds: folds, least_share=least_share, stretches=lambda: stretches,
+                           units=lambda folds: folds, unknown_rivals=True,
+                           least_share=least_share, stretches=lambda: stretches,
                            far_elsewhere=False, elsewhere=lambda fitted: fitted,
                            rounding_share=lambda fitted: rounding,
                            holds=lambda without, left: left.sum() < (1.0 - least_elsewhere) * without.sum())

@@ -306,7 +306,8 @@ def _prune(problem, declared, chosen, fitted):
 def _lost(problem: Problem, without: Fitted, effect: Effect) -> bool:
     """Whether an effect that is taken out of the fit would no longer be asked for."""
     own = scan(without, [emptied(effect)], count_of(problem, without))[0]
-    shows = np.repeat(rows_showing(without, linear_columns(without, effect)), without.residual.shape[1])
+    rows = rows_showing(problem, without, linear_columns(without, effect))
+    shows = np.repeat(rows, without.residual.shape[1])
     square = float(np.sum(without.free_residual[: without.data_numbers][shows] ** 2))
     small = (own.gain < problem.least_share * square
              or problem.judged_share(without, own.effect) < Problem.least_share)

@@ -54,12 +54,14 @@ def takes_enough(problem: Problem, fitted: Fitted, columns: np.ndarray, prior: n
     # A fall g of a square sum of white noise scatters by 2 sqrt(g): beyond 4 z^2 every unit is sure of it.
     certain = certain or (len(fall) >= _LEAST_SHOWING and np.all(fall > 4.0 * _FOLD_CERTAINTY**2))
     least = max(least_share, problem.rounding_share(fitted))
-    return bool(certain and fall.sum() > least * without[rows_showing(fitted, columns)].sum())
+    return bool(certain and fall.sum() > least * without[rows_showing(problem, fitted, columns)].sum())
 
 
-def rows_showing(fitted: Fitted, columns: np.ndarray) -> np.ndarray:
-    """(N,) bool: rows that respond to whitened columns (R, k). A run in which the axis stands tells nothing
-    of its gear, and none of its noise is to be explained."""
+def rows_showing(problem: Problem, fitted: Fitted, columns: np.ndarray) -> np.ndarray:
+    """(N,) bool: rows of runs that respond to whitened columns (R, k), all of other kinds. A run in which the
+    axis stands tells nothing of its gear, and none of its noise is to be explained."""
+    if not problem.unknown_rivals:
+        return np.ones(len(fitted.residual), bool)
     response = _by_row(columns, fitted)
     return response > _RESPONDING * response.max()
 
