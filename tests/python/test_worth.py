@@ -36,7 +36,7 @@ def state_of(residual):
 def problem_of(groups, least_share=0.02, stretches=None, least_elsewhere=0.0, rounding=0.0):
     return SimpleNamespace(groups=lambda: groups, groups_for=lambda response: groups, seed=0,
                            at_one_place=lambda effect: False,
-                           units=lambda folds: folds, unknown_rivals=True,
+                           units=lambda folds: folds, rows_to_explain=lambda response: response > 0.0,
                            least_share=least_share, stretches=lambda: stretches,
                            far_elsewhere=False, elsewhere=lambda fitted: fitted,
                            rounding_share=lambda fitted: rounding,

@@ -17,4 +17,5 @@ WIDE = 3.0  # times its plausible size, what a rival may be when experiments are
 ABSORBED = 1e-6
 INVISIBLE = 1e-3  # whitened length of a column at its plausible size, below which it is rounding
 RIDGE = 1e-10  # of a column's square sum: columns that depend on each other, or show nowhere, have no size
+RESPONDING = 1e-6  # of the strongest response, from which on a row, or a stretch of rows, responds at all
 MANY_PARAMETERS = 200  # of a model: from here on a fit takes seconds, and one trial of a kind is made

@@ -16,6 +16,7 @@ import numpy as np
 
 from exactarm.data.dataset import Dataset
 from exactarm.diagnose.coloured_noise import ColouredNoise, NoiseMemory
+from exactarm.diagnose.decisions import RESPONDING
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.signal import (
@@ -112,6 +113,12 @@ class ProblemInTime(Problem):
             return 0.0
         jacobian = picture[1][:: max(1, len(picture[1]) // _SPREAD_ROWS)]
         return self.numbers_of_error * float(np.mean(fitted.variance_of(jacobian)))
+
+    def rows_to_explain(self, response: np.ndarray) -> np.ndarray:
+        """A run in which the axis stands tells nothing of its gear, and none of its noise is to be explained.
+        Poses are another matter: with this rule two effects that are not there entered the UR10's model, both
+        of its series in one run (0.084 for 0.079 mm held out)."""
+        return response > RESPONDING * response.max()
 
     def groups(self) -> np.ndarray:
         return run_groups(self.run)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm.diagnose.cross_validation import CrossValidation, folds_of
+from exactarm.diagnose.decisions import RESPONDING
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import linear_columns, prior_of
@@ -20,7 +21,7 @@ _FOLD_CERTAINTY = 2.5  # the mean fall of the folds beside its standard error
 # of -2 log density: a right model is outdone by a wrong one by c in fewer than exp(-c / 2) of cases (Ville)
 CHANCE_AGAINST = _FOLD_CERTAINTY**2  # 4 %
 _LEAST_FALLING = 8  # folds
-_RESPONDING, _LEAST_SHOWING = 1e-6, 3  # share of the strongest unit's response; units to judge by
+_LEAST_SHOWING = 3  # units to judge by
 
 
 def is_worth(problem: Problem, fitted: Fitted, effects: list[Effect], parted: CrossValidation) -> bool:
@@ -54,16 +55,8 @@ def takes_enough(problem: Problem, fitted: Fitted, columns: np.ndarray, prior: n
     # A fall g of a square sum of white noise scatters by 2 sqrt(g): beyond 4 z^2 every unit is sure of it.
     certain = certain or (len(fall) >= _LEAST_SHOWING and np.all(fall > 4.0 * _FOLD_CERTAINTY**2))
     least = max(least_share, problem.rounding_share(fitted))
-    return bool(certain and fall.sum() > least * without[rows_showing(problem, fitted, columns)].sum())
-
-
-def rows_showing(problem: Problem, fitted: Fitted, columns: np.ndarray) -> np.ndarray:
-    """(N,) bool: rows of runs that respond to whitened columns (R, k), all of other kinds. A run in which the
-    axis stands tells nothing of its gear, and none of its noise is to be explained."""
-    if not problem.unknown_rivals:
-        return np.ones(len(fitted.residual), bool)
-    response = _by_row(columns, fitted)
-    return response > _RESPONDING * response.max()
+    of_rows = without[problem.rows_to_explain(by_row(columns, fitted))]
+    return bool(certain and fall.sum() > least * of_rows.sum())
 
 
 def holds_elsewhere(problem: Problem, fitted: Fitted, effects: list[Effect]) -> bool:
@@ -94,7 +87,7 @@ def _promised(fitted: Fitted, columns: np.ndarray, prior: np.ndarray, units: np.
     left = fitted.cleared(columns)
     penalty = np.diag(1.0 / prior**2) + 1e-10 * np.diag(np.sum(left**2, axis=0) + np.finfo(float).tiny)
     change = left @ np.linalg.solve(left.T @ left + penalty, left.T @ fitted.free_residual)
-    return np.bincount(units, weights=_by_row(change[:, None], fitted))
+    return np.bincount(units, weights=by_row(change[:, None], fitted))
 
 
 def _as_promised(fall: np.ndarray, promised: np.ndarray) -> bool:
@@ -103,7 +96,7 @@ def _as_promised(fall: np.ndarray, promised: np.ndarray) -> bool:
     fall = b promised + e, the variance of e in proportion to promised (a ratio estimate, Cochran 1977): is b
     surely above zero?
     """
-    shown = promised > _RESPONDING * promised.max()
+    shown = promised > RESPONDING * promised.max()
     if shown.sum() < _LEAST_SHOWING:
         return False
     fall, promised = fall[shown], promised[shown]
@@ -114,17 +107,17 @@ def _as_promised(fall: np.ndarray, promised: np.ndarray) -> bool:
 
 def _showing(fitted: Fitted, columns: np.ndarray, units: np.ndarray) -> np.ndarray:
     """Which units (U,) bool respond to the columns at all."""
-    response = np.bincount(units, weights=_by_row(columns, fitted))
-    showing = response > _RESPONDING * response.max()
+    response = np.bincount(units, weights=by_row(columns, fitted))
+    showing = response > RESPONDING * response.max()
     return showing if showing.sum() >= _LEAST_SHOWING else np.ones(len(response), bool)
 
 
 def _response(fitted: Fitted, columns: np.ndarray) -> np.ndarray:
     """(N,) how much of what the columns add to the free parameters each row shows: the squares sum to the
     number of columns."""
-    return _by_row(orthonormal(fitted.cleared(columns)), fitted)
+    return by_row(orthonormal(fitted.cleared(columns)), fitted)
 
 
-def _by_row(columns: np.ndarray, fitted: Fitted) -> np.ndarray:
+def by_row(columns: np.ndarray, fitted: Fitted) -> np.ndarray:
     """(N,) square sums of whitened columns (R, k) by row of the data."""
     return np.sum(columns[: fitted.data_numbers].reshape(len(fitted.residual), -1) ** 2, axis=1)

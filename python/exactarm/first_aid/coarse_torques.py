@@ -3,7 +3,7 @@
 Rounding follows the torque itself, and no low-pass takes it away. Of clean motions whose torques were
 rounded to so many steps over their range (seeds 11 to 16, at 80 and 120 to 22), a diagnosis was wrong in: 8
 steps, 4 of 6; 12, 2; 16, 2; 20, 1; 30, 2; 50, 1; 80, none of 12; 120, 2 of 12; not rounded, none of 20 (seeds
-11 to 30; `tests/python/test_coarse_torques.py` has one of each side).
+11 to 30; `python bench/coarse_torques.py`, `tests/python/test_coarse_torques.py` has one of each side).
 """
 
 from collections.abc import Iterator
