@@ -1,12 +1,15 @@
 """An effect is accepted only where it takes enough away from rows that it has not learnt from."""
 
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from exactarm.diagnose.cross_validation import CrossValidation, folds_of
-from exactarm.diagnose.worth import holds_elsewhere, is_worth
+from exactarm.diagnose.motion_problem import MotionProblem
+from exactarm.diagnose.problem import Problem
+from exactarm.diagnose.worth import holds_elsewhere, is_worth, takes_enough
 
 ROWS, GROUPS = 240, 40
 
@@ -36,7 +39,7 @@ def state_of(residual):
 def problem_of(groups, least_share=0.02, stretches=None, least_elsewhere=0.0, rounding=0.0):
     return SimpleNamespace(groups=lambda: groups, groups_for=lambda response: groups, seed=0,
                            at_one_place=lambda effect: False,
-                           units=lambda folds: folds, rows_to_explain=lambda response: response > 0.0,
+                           units=lambda folds: folds, numbers_to_explain=lambda response: response > 0.0,
                            least_share=least_share, stretches=lambda: stretches,
                            far_elsewhere=False, elsewhere=lambda fitted: fitted,
                            rounding_share=lambda fitted: rounding,
@@ -92,3 +95,24 @@ def test_what_helps_in_one_stretch_and_hurts_in_another_does_not_hold_elsewhere(
     problem = problem_of(np.arange(ROWS), stretches=stretches)
     assert holds_elsewhere(problem, state_of(noise + response), [Cause(response)])
     assert not holds_elsewhere(problem, state_of(noise + turned * response), [Cause(response)])
+
+
+def test_an_effect_of_one_axis_takes_its_share_of_the_noise_of_that_axis():
+    """A tenth of the square sum of one axis of six is a sixtieth of all."""
+    rng = np.random.default_rng(5)
+    rows, axes, share = 1200, 6, 0.1
+    response = np.zeros((rows, axes))
+    response[:, 2] = rng.normal(size=rows)
+    residual = rng.normal(size=(rows, axes)) + share**0.5 * response
+    basis = np.full((rows * axes, 1), (rows * axes) ** -0.5)
+    clear = lambda columns: columns - basis @ (basis.T @ columns)
+    fitted = SimpleNamespace(whitened=residual.ravel(), basis=basis, data_numbers=residual.size,
+                             free_residual=clear(residual.reshape(-1, 1))[:, 0], cleared=clear,
+                             residual=residual)
+    groups = np.repeat(np.arange(GROUPS), rows // GROUPS)
+    parted = CrossValidation.of(fitted, folds_of(groups, 0))
+    for explained, enough in (MotionProblem.numbers_to_explain, True), (Problem.numbers_to_explain, False):
+        problem = problem_of(groups)
+        problem.numbers_to_explain = partial(explained, problem)
+        found = takes_enough(problem, fitted, response.reshape(-1, 1), np.array([np.inf]), parted, 0.02)
+        assert found == enough

@@ -221,6 +221,7 @@ def _effect(finding: Finding, result: Diagnosis) -> dict[str, Any]:
     parameters = {
         p.name: value if p.fixed and low == high else estimate(value, float(low), float(high))
         for p, value, (low, high) in zip(effect.parameters(), effect.values, finding.intervals)
+        if not np.isnan(low)
     } | {name: estimate(*numbers) for name, numbers in finding.derived.items()}
     return {"effect": effect.name, "joint": effect.joint, "parameters": parameters,
             "validation_rms_before": finding.rms_before, "validation_rms_after": finding.rms_after,

@@ -186,7 +186,7 @@ def _size(finding: Finding, contribution: Contribution | None, robot: Robot) -> 
     for name, numbers in finding.derived.items():
         return words_of(name), Estimate(*numbers, unit_of(name))
     free = [(p, v, i) for p, v, i in zip(effect.parameters(), effect.values, finding.intervals)
-            if not p.fixed]
+            if not (p.fixed or np.isnan(i[0]))]
     if not free:
         return "", None
     clear = [one for one in free if one[0].name == effect.told_by]
@@ -210,7 +210,7 @@ def parameters_table(found: Sequence[tuple[Finding, Contribution | None]], robot
     for finding, _ in in_order(found):
         effect = finding.effect
         free = [(p, v, i) for p, v, i in zip(effect.parameters(), effect.values, finding.intervals)
-                if not p.fixed or i[0] < i[1]]
+                if i[0] < i[1] or not (p.fixed or np.isnan(i[0]))]
         if len(free) <= _FEW and not (effect.orders() and len(free) > 3):
             names = [effect.in_units_of(robot, p.name) for p, _, _ in free]
             rows += [(effect.title, name, Estimate(float(v), float(low), float(high), unit_of(name)))

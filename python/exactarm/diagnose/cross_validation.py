@@ -106,11 +106,16 @@ class CrossValidation:
         prior (k,): standard deviations of the priors of the columns' coefficients, inf = none. units (N,):
         what the square sum is told by, numbers from 0; absent: the folds.
         """
+        by_row = np.sum(self.numbers_squared(columns, prior), axis=1)
+        return np.bincount(self.folds if units is None else units, weights=by_row)
+
+    def numbers_squared(self, columns: np.ndarray | None = None,
+                        prior: np.ndarray | None = None) -> np.ndarray:
+        """(N, m) squares of the held-out residual, number by number."""
         squares = np.empty(self.numbers)
         for part, error, _ in self._each(columns, prior):
             squares[part.rows] = error**2
-        by_row = np.sum(squares.reshape(len(self.folds), -1), axis=1)
-        return np.bincount(self.folds if units is None else units, weights=by_row)
+        return squares.reshape(len(self.folds), -1)
 
     def deviances(self, columns: np.ndarray | None = None, prior: np.ndarray | None = None) -> np.ndarray:
         """(folds,) -2 log density, up to a constant, of each fold as the others predict it, with the

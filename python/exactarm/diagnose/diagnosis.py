@@ -22,7 +22,7 @@ from exactarm.diagnose.draft import Draft, drafts_of
 from exactarm.diagnose.fitted import Fitted, rows_undecided
 from exactarm.diagnose.held_out_evidence import AGAINST
 from exactarm.diagnose.in_space import InSpace
-from exactarm.diagnose.intervals import intervals_of
+from exactarm.diagnose.intervals import derived_of, intervals_of
 from exactarm.diagnose.joint_fit import known_beside, refit
 from exactarm.diagnose.left_over import LeftOver, left_over
 from exactarm.diagnose.noise import NoiseFloor, noise_floor
@@ -244,7 +244,8 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
         excluded_places=tuple(problem.data.place_of(row) for row in np.flatnonzero(wrong)),
         excluded_elsewhere=tuple(problem.held_out.place_of(row) for row in gone[~between]),
         excluded_more=more, undecided=tuple(problem.held_out.place_of(row) for row in gone[between]),
-        axes=problem.axes(first, last), left_out=problem.left_out(),
+        axes=problem.axes(first, last),
+        left_out=problem.left_out() + tuple(filter(None, map(_unseen, findings))),
         contributions=contributions(problem, last, declared),
         in_space=problem.in_space(first, last),
         left_over=left_over(problem, last, left) if verdict == UNEXPLAINED else None, beyond=beyond)
@@ -324,16 +325,18 @@ def _gone(errors: list[dict[str, np.ndarray]]) -> np.ndarray:
     return np.flatnonzero(np.isfinite(errors[0]["validation"]) & np.isnan(errors[-1]["validation"]))
 
 
+def _unseen(finding: Finding) -> str:
+    """In words: the values of an effect that the rows do not show."""
+    hidden = [p.name for p, (low, _) in zip(finding.effect.parameters(), finding.intervals) if np.isnan(low)]
+    return f"{', '.join(hidden)} of the {finding.effect.title}: these rows do not show it" if hidden else ""
+
+
 def _finding(accepted: Accepted, last, declared, place, errors, problem, own: Own | None,
              probability: float) -> Finding:
     index = len(declared.effects) + place
     effect, where, free = last.layout.effects[index], last.layout.slices[index], last.layout.free[index]
     covariance = np.zeros((len(effect.values),) * 2)
     covariance[np.ix_(free, free)] = last.fit.covariance[where, where]
-    derived = {}
-    for name, value, sigma in effect.derived(covariance):
-        half = float(last.fit.half_width(sigma))
-        derived[name] = (value, value - half, value + half)
     caveat = effect.caveat(covariance)
     before, after = (rms_of(judged_of(errors[k])) for k in (accepted.round, accepted.round + 1))
     if own is not None:  # with all others in the model, whose round it shares
@@ -348,4 +351,5 @@ def _finding(accepted: Accepted, last, declared, place, errors, problem, own: Ow
         f"{effect.describe_on(problem.robot)}; " + evidence + fall
         + (f"; {caveat}" if caveat else "")
         + (f"; likelier: {accepted.likelier}" if accepted.likelier else ""),
-        derived, accepted.in_its_place(), own.share if own else None, accepted.likelier, caveat)
+        derived_of(effect, last, where, free), accepted.in_its_place(), own.share if own else None,
+        accepted.likelier, caveat)

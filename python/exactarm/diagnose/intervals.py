@@ -1,13 +1,14 @@
 """The 95 % interval of every value of an effect in the final fit: (k, 2).
 
 That of the fit; of a place that was searched, what it lies between; of a size per Nm, as wide as what is not
-known of its load makes it.
+known of its load makes it. NaN of a value that the rows do not show.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from exactarm.diagnose.decisions import INVISIBLE
 from exactarm.diagnose.fitted import Fitted
 from exactarm.effects.base import Effect
 from exactarm.identify.load_doubt import left_open
@@ -28,7 +29,32 @@ def intervals_of(effect: Effect, last: Fitted, where: slice, free: np.ndarray) -
         for column, k in enumerate(np.flatnonzero(free), start=where.start):
             wider = _wider_by_load(last, effect, column, k, np.ptp(intervals[k]) / 2.0)
             intervals[k] += np.array([-wider, wider])
+    intervals[unseen(effect, last, where, free)] = np.nan
     return intervals
+
+
+def unseen(effect: Effect, last: Fitted, where: slice, free: np.ndarray) -> np.ndarray:
+    """(k,) bool: values of which the rows tell less than a thousandth of what is plausible: those along the
+    axis of a payload that only turns about it, of a direction in which no run moved a sensor."""
+    deviation = np.zeros(len(free))
+    deviation[free] = np.sqrt(np.diagonal(last.fit.covariance)[where])
+    plausible = np.array([parameter.plausible for parameter in effect.parameters()])
+    return deviation * INVISIBLE > plausible
+
+
+def derived_of(effect: Effect, last: Fitted, where: slice,
+               free: np.ndarray) -> dict[str, tuple[float, float, float]]:
+    """Numbers that follow from the values, name -> (value, low, high); of values that the rows show."""
+    hidden, known = unseen(effect, last, where, free), np.zeros((len(free),) * 2)
+    known[np.ix_(free, free)] = last.fit.covariance[where, where]
+    known[hidden], known[:, hidden] = 0.0, 0.0
+    follows = {name for name, _, sigma in effect.derived(np.diag(hidden.astype(float))) if sigma > 0.0}
+    found = {}
+    for name, value, sigma in effect.derived(known):
+        if name not in follows:
+            half = float(last.fit.half_width(sigma))
+            found[name] = (value, value - half, value + half)
+    return found
 
 
 def _wider_by_load(last: Fitted, effect: Effect, column: int, k: int, half: float) -> float:

@@ -27,6 +27,7 @@ from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import MOTION
 from exactarm.data.kinds.base import runs_in_time
 from exactarm.diagnose.coloured_noise import ColouredNoise
+from exactarm.diagnose.decisions import RESPONDING
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.next_motions import separating_motion
 from exactarm.diagnose.problem_in_time import ProblemInTime
@@ -264,6 +265,17 @@ class MotionProblem(ProblemInTime):
         rows, m = fitted.residual.shape
         axes = self.record.measured_axes
         return {measured_of(axis + 1): np.tile(np.eye(m)[k], (rows, 1)) for k, axis in enumerate(axes)}
+
+    def numbers_to_explain(self, response: np.ndarray) -> np.ndarray:
+        """Every axis has a noise of its own, and an effect has to take its share where it shows: of six axes,
+        a twelfth of one would have to go before it is a fiftieth of all."""
+        return response > RESPONDING * response.max()
+
+    @property
+    def least_doubt(self) -> float:
+        """As of all axes: a function without a law also follows how dry friction passes at reversals, where a
+        twentieth of one axis's square sum has 9 nats without any effect."""
+        return self.least_share * len(self.record.measured_axes)
 
     def error_of_unit_noise(self, fitted: Fitted) -> float:
         return float(np.sqrt(np.nanmean(self._residual(fitted, self.data) ** 2)))

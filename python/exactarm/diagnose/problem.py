@@ -241,9 +241,10 @@ class Problem(ABC):
         weighs it otherwise."""
         return 1.0
 
-    def rows_to_explain(self, response: np.ndarray) -> np.ndarray:
-        """(N,) bool: rows of whose square sum an effect with a response (N,) has to take its share."""
-        return np.ones(len(response), bool)
+    def numbers_to_explain(self, response: np.ndarray) -> np.ndarray:
+        """(N, m) bool: numbers of whose square sum an effect with the square response (N, m) has to take its
+        share."""
+        return np.ones(response.shape, bool)
 
     def units(self, folds: np.ndarray) -> np.ndarray:
         """(N,) int from 0: rows whose held-out errors scatter independently of each other's; the folds, to be

@@ -29,7 +29,7 @@ from exactarm.diagnose.scan import Candidate, linear_columns, scan
 from exactarm.diagnose.selected import Accepted, Selection
 from exactarm.diagnose.something_else import Beside, beside_unknown
 from exactarm.diagnose.vocabulary import emptied
-from exactarm.diagnose.worth import by_row, is_worth
+from exactarm.diagnose.worth import by_number, is_worth
 from exactarm.effects.base import Effect
 
 MOST_EFFECTS = 16
@@ -306,9 +306,8 @@ def _prune(problem, declared, chosen, fitted):
 def _lost(problem: Problem, without: Fitted, effect: Effect) -> bool:
     """Whether an effect that is taken out of the fit would no longer be asked for."""
     own = scan(without, [emptied(effect)], count_of(problem, without))[0]
-    rows = problem.rows_to_explain(by_row(linear_columns(without, effect), without))
-    shows = np.repeat(rows, without.residual.shape[1])
-    square = float(np.sum(without.free_residual[: without.data_numbers][shows] ** 2))
+    shows = problem.numbers_to_explain(by_number(linear_columns(without, effect), without))
+    square = float(np.sum(without.free_residual[: without.data_numbers][shows.ravel()] ** 2))
     small = (own.gain < problem.least_share * square
              or problem.judged_share(without, own.effect) < Problem.least_share)
     return own.evidence < LEAST_EVIDENCE or small

@@ -44,9 +44,8 @@ def takes_enough(problem: Problem, fitted: Fitted, columns: np.ndarray, prior: n
     groups = problem.groups_for(_response(fitted, columns))
     if not np.array_equal(groups, problem.groups()):
         parted = CrossValidation.of(fitted, folds_of(groups, problem.seed))
-    units, rows = problem.units(parted.folds), np.arange(len(groups))
-    without = parted.squares(units=rows)
-    falls = np.bincount(units, weights=without - parted.squares(columns, prior, rows))
+    units, without = problem.units(parted.folds), parted.numbers_squared()
+    falls = np.bincount(units, weights=np.sum(without - parted.numbers_squared(columns, prior), axis=1))
     fall = falls[_showing(fitted, columns, units)]
     certain = _as_promised(falls, _promised(fitted, columns, prior, units))
     certain = certain or fall.mean() > _FOLD_CERTAINTY * fall.std(ddof=1) / np.sqrt(len(fall))
@@ -55,8 +54,8 @@ def takes_enough(problem: Problem, fitted: Fitted, columns: np.ndarray, prior: n
     # A fall g of a square sum of white noise scatters by 2 sqrt(g): beyond 4 z^2 every unit is sure of it.
     certain = certain or (len(fall) >= _LEAST_SHOWING and np.all(fall > 4.0 * _FOLD_CERTAINTY**2))
     least = max(least_share, problem.rounding_share(fitted))
-    of_rows = without[problem.rows_to_explain(by_row(columns, fitted))]
-    return bool(certain and fall.sum() > least * of_rows.sum())
+    to_explain = without[problem.numbers_to_explain(by_number(columns, fitted))]
+    return bool(certain and fall.sum() > least * to_explain.sum())
 
 
 def holds_elsewhere(problem: Problem, fitted: Fitted, effects: list[Effect]) -> bool:
@@ -120,4 +119,9 @@ def _response(fitted: Fitted, columns: np.ndarray) -> np.ndarray:
 
 def by_row(columns: np.ndarray, fitted: Fitted) -> np.ndarray:
     """(N,) square sums of whitened columns (R, k) by row of the data."""
-    return np.sum(columns[: fitted.data_numbers].reshape(len(fitted.residual), -1) ** 2, axis=1)
+    return np.sum(by_number(columns, fitted), axis=1)
+
+
+def by_number(columns: np.ndarray, fitted: Fitted) -> np.ndarray:
+    """(N, m) square sums of whitened columns (R, k) by number of the data."""
+    return np.sum(columns[: fitted.data_numbers].reshape(*fitted.residual.shape, -1) ** 2, axis=2)
