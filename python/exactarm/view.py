@@ -258,6 +258,11 @@ class View:
         return other
 
     @property
+    def arms(self) -> tuple[tuple[np.ndarray | slice, Robot], ...]:
+        """Rows, and the arm that moves in them."""
+        return ((slice(None), self.robot),)
+
+    @property
     def has_masses(self) -> bool:
         """Whether masses load the joints."""
         if self.robot.generic_masses and not self._kind.shows_generic_loads:
@@ -283,6 +288,12 @@ def motor_angles(robot: Robot, data: Dataset) -> np.ndarray:
         reported = (data.joints["q"] - robot.controller_offsets) * robot.controller_ratios
         theta = np.where(np.isnan(theta), reported, theta)
     return np.where(np.isnan(theta), 0.0, theta)
+
+
+def axes_not_logged(data: Dataset) -> np.ndarray:
+    """Axes (from 0) of whose angle no row says anything: `motor_angles` has their motors at 0."""
+    known = [~np.isnan(data.joints[name]).all(axis=0) for name in ("theta", "q") if name in data.joints]
+    return np.flatnonzero(~np.any(known, axis=0))
 
 
 def on_axes(measured: Sequence[int], axes: int, values: np.ndarray) -> np.ndarray:

@@ -149,6 +149,19 @@ def test_names_a_rotor(racer):
 
 
 @pytest.mark.slow
+def test_what_is_small_beside_the_noise_of_six_axes_is_named_beside_that_of_its_own(racer):
+    """A twelfth of the square sum of axis 5 is a seventieth of all, which was "nothing". An independent
+    simulator's viscous friction that falls by 3 % per degree was that with evidence of 104."""
+    def rotor(angle, rate, acceleration):
+        own = acceleration[:, 4]
+        return np.outer(0.3 * NOISE_NM * own / own.std(), np.eye(6)[4])
+
+    result = diagnose(racer, motion(racer, rotor))
+    assert result.verdict == EXPLAINED
+    assert [(f.effect.name, f.effect.joint) for f in result.findings] == [("rotor_inertia", 5)]
+
+
+@pytest.mark.slow
 def test_names_a_torque_that_repeats_with_the_output_and_not_with_the_motor(racer):
     """Four times in the 62 degrees that axis 4 turns, as a bearing or a gear stage does: no whole order
     of the motor."""

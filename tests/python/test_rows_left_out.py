@@ -1,5 +1,7 @@
 """A diagnosis says which rows of the files its residuals are, and which of them it has left out."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ import exactarm as ea
 from exactarm.commands.diagnose_report import report_of
 from exactarm.data.dataset import write_dataset
 from exactarm.diagnose.diagnosis import diagnose
+from exactarm.view import axes_not_logged
 from set_ups import joints_in_limits, measured, true_robot
 from six_axis import six_axis
 
@@ -30,3 +33,11 @@ def test_rows_left_out_are_found_in_the_file(tmp_path):
     assert all(f"row {row + 1} of poses.csv" in causes.note for row in wrong)
     drawn = {figure.name: figure.caption for figure in report.figures}
     assert all("left out as outliers are not drawn" in drawn[name] for name in ("arm", "error_per_row"))
+
+
+def test_axes_of_whose_angle_a_log_says_nothing_are_known():
+    """A gear run of some axes: loads are those of the pose with the other motors at 0."""
+    columns = lambda *logged: np.where(np.isin(np.arange(4), logged), np.zeros((5, 1)), np.nan)
+    log = SimpleNamespace(joints={"theta": columns(1), "q": columns(1, 3)})
+    assert list(axes_not_logged(log)) == [0, 2]
+    assert list(axes_not_logged(SimpleNamespace(joints={"theta": columns(0, 1, 2, 3)}))) == []

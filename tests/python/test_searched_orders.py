@@ -41,14 +41,17 @@ def test_no_order_is_tried_of_which_less_than_one_wave_was_seen():
     assert min(tried(40.0, 0.7)) >= 2.0 * np.pi / 0.7
 
 
-def test_what_follows_the_direction_is_a_rival_there():
-    """Runs to one side cannot tell it from an angle error, which stood at 1.00 alone. What follows the speed
-    is none: on the shipped runs of a KR300 it raised the error of rows never fitted from 65 to 70 urad."""
+def test_what_follows_the_direction_or_the_speed_is_a_rival_there():
+    """Runs to one side, or at one speed, cannot tell it from an angle error, which stood at 1.00 alone. What
+    grows with the speed may turn once or twice, too: as a run-out it left the error of rows never fitted 24 %
+    above the noise. (On the shipped runs of a KR300 such waves raised that error from 65 to 70 urad before
+    held-out rows could contradict an effect; it is 65 with them since.)"""
     view, robot = swept(5.0, 1.6), rigid()
     view.signals["theta_dot"] = view.direction
     tried = {family: [e.parameters()[0].search for e in family.candidates(robot, view) if e.joint == 4]
              for family in (DirectionDependence, SpeedDependence)}
     assert any(5.0 in search for search in tried[DirectionDependence])
-    assert not any(5.0 in search for search in tried[SpeedDependence])
+    assert any(5.0 in search for search in tried[SpeedDependence])
+    assert slow_orders(rigid(), swept(2.0, 5.0), 3, lowest=1.0)[:2] == (2.0, 3.0)
     assert slow_orders(rigid(), view, 3) == (4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0)
     assert not set(slow_orders(rigid(), view, 3)) & set(searched_orders(rigid(), view, 3))

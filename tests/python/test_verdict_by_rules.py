@@ -31,6 +31,14 @@ def test_torques_of_which_half_is_left_are_not_called_explained(measured, found,
     assert said == verdict
 
 
+@pytest.mark.parametrize("chance, verdict", [(0.0, UNEXPLAINED), (0.6, NOTHING)])
+def test_an_error_that_the_parameters_may_make_is_not_far_above_the_noise(chance, verdict):
+    """Twice a measured noise of 0.5: 1 above (1.5 x 0.5)^2 by 0.44. Parameters of one run err in another."""
+    said = verdict_by_rules(SimpleNamespace(share_left=0.1), ERRORS, ERRORS, NoiseFloor(0.5, "", True),
+                            Dossier((), 0.0), False, 0.0, 1.0, chance=chance)
+    assert said == verdict
+
+
 @pytest.mark.parametrize("fitted, held, more", [
     (4, 11, True), (0, 0, False), (5, 2, False), (3, 3, False), (0, 4, True), (20, 1, False),
 ])

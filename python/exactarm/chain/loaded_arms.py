@@ -12,20 +12,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from exactarm import _core
 from exactarm.data.dataset import Dataset
 from exactarm.effects.base import Effect
 from exactarm.effects.payload import inertial, with_added
 from exactarm.robot.robot import Robot
 
-Arm = tuple[np.ndarray | slice, _core.Robot]
+Arm = tuple[np.ndarray | slice, Robot]
 
 
 def loaded_arms(robot: Robot, data: Dataset, effects: Iterable[Effect] = ()) -> tuple[Arm, ...]:
     """Rows, and the arm that moves in them with what the data and the effects say that its flange carries."""
     own = [carried for carried in (effect.carries(data) for effect in effects) if carried is not None]
     if robot.links is None or (data.payload is None and not own):
-        return ((slice(None), robot.core),)
+        return ((slice(None), robot),)
     pi = carried_bodies(data)
     for at, added in own:
         pi[at] += added
@@ -44,6 +43,6 @@ def carried_bodies(data: Dataset) -> np.ndarray:
     return pi
 
 
-def _with(robot: Robot, carried: np.ndarray) -> _core.Robot:
+def _with(robot: Robot, carried: np.ndarray) -> Robot:
     last = with_added(robot.links[-1], carried)
-    return replace(robot, links=(*robot.links[:-1], last)).core
+    return replace(robot, links=(*robot.links[:-1], last))

@@ -231,8 +231,8 @@ def _slopes(view: View) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(N, n, n) derivatives of the inverse dynamics by q, q_dot, q_ddot."""
     motion = (view.q, view.signals["q_dot"], view.signals["q_ddot"])
     found = tuple(np.zeros((view.rows, view.axes, view.axes)) for _ in range(3))
-    for rows, core in view.arms:
-        slopes = _core.inverse_dynamics_derivatives(core, *(each[rows] for each in motion),
+    for rows, arm in view.arms:
+        slopes = _core.inverse_dynamics_derivatives(arm.core, *(each[rows] for each in motion),
                                                     threads=view.threads)
         for whole, name in zip(found, ("dtau_dq", "dtau_dq_dot", "mass_matrix")):
             whole[rows] = slopes[name]
@@ -276,8 +276,8 @@ def _load(view: View, layout: Layout, record: MotionRecord, tangents: bool) -> N
         view.tangents["torque"] = np.zeros((view.rows, view.axes, layout.size))
     if view.has_masses:
         motion = (view.q, view.signals["q_dot"], view.signals["q_ddot"])
-        for rows, core in view.arms:
-            view.signals["torque"][rows] = _core.inverse_dynamics(core, *(each[rows] for each in motion),
+        for rows, arm in view.arms:
+            view.signals["torque"][rows] = _core.inverse_dynamics(arm.core, *(each[rows] for each in motion),
                                                                   view.threads)
         if tangents and np.any(view.tangents["q"]):
             view.tangents["torque"] = _torque_tangent(view, _slopes(view))

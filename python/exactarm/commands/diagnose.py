@@ -132,9 +132,11 @@ def run(arguments: argparse.Namespace) -> CommandResult:
 
 
 def _mounted_otherwise(result: Diagnosis) -> str | None:
-    """In words: what no spring explains follows a load of declared masses, as under another gravity."""
+    """In words: what no spring explains follows a load of declared masses, as under another gravity. Torques
+    are of that load themselves: what follows it there is a drive's gain as well."""
     follow = any(signal.quantity == LOAD for structure in result.unknown for signal in structure.signals)
-    if not follow or result.problem.robot.links is None or result.problem.robot.generic_masses:
+    torques = result.kind == MOTION.name
+    if not follow or torques or result.problem.robot.links is None or result.problem.robot.generic_masses:
         return None
     return ("what no spring explains follows the load that the robot file's masses make: is the arm mounted "
             "as its file's gravity_m_s2 says?")

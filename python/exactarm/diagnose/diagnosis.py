@@ -188,12 +188,13 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     progress(NEXT)
     words, experiments = next_experiments(problem, last, findings, alternatives, selection.open_place)
     spread = problem.spread(last)
-    excess = held_out_excess(errors[-1], problem.error_of_unit_noise(last), _SPREADS * spread)
+    chance = _SPREADS * spread
+    excess = held_out_excess(errors[-1], problem.error_of_unit_noise(last), chance)
     if causes is None:
         verdict = verdict_by_rules(problem, before, after, noise, left, bool(findings), spread, excess,
-                                   problem.share_of_measured(last))
+                                   problem.share_of_measured(last), chance)
     else:
-        verdict = verdict_of_causes(causes, after, noise, excess, left.of_posture)
+        verdict = verdict_of_causes(causes, after, noise, excess, left.of_posture, chance)
     beyond = None
     if causes is None and problem.by_posterior:
         beyond = unknown_axes(problem, last)

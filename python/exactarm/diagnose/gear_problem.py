@@ -55,8 +55,10 @@ from exactarm.noise.drifting import DriftingNoise
 from exactarm.numerics.orthonormal import orthonormal
 from exactarm.numerics.regression import Fit
 from exactarm.numerics.signals import typical_step
+from exactarm.robot.axes_in_words import axes_in_words
 from exactarm.robot.robot import Robot
 from exactarm.station import Station
+from exactarm.view import axes_not_logged
 
 _LEAST_SIGMA = 1e-12
 _RUNS_OF_A_SORT = 4
@@ -247,6 +249,9 @@ class GearProblem(ProblemInTime):
         why = ("a run is cut in motion, a gear passes between its tables, inertia swings the drive train "
                "or a filter rounds the motion")
         rows_out = (f"{out} of {rows} samples were left out: there {why}",) if out else ()
+        if (silent := axes_not_logged(self.data)).size:
+            rows_out += (f"no angle of {axes_in_words(silent)} is in the log: loads are those of the pose "
+                         "with the motors there at 0",)
         return (*rows_out, *map(str, self._tones))
 
     @property

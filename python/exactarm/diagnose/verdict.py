@@ -43,11 +43,12 @@ _SHARE_STRAY = 0.25
 _MUCH_LEFT = 0.5
 
 
-def verdict_of_causes(causes: Causes, after, noise: NoiseFloor, excess: float, structure: bool) -> str:
+def verdict_of_causes(causes: Causes, after, noise: NoiseFloor, excess: float, structure: bool,
+                      chance: float = 0.0) -> str:
     """From the posterior; held-out rows, repeated visits and a structure that is left beyond chance may only
-    object."""
+    object. chance: as in `far_above`."""
     judged = "validation" if after["validation"].n else "identification"
-    far = noise.measured and after[judged].rms > _FAR_ABOVE_NOISE * noise.value
+    far = noise.measured and far_above(after[judged].rms, noise, chance)
     if causes.probability_something_else >= NAMED_AT or not_noise(causes.noise):
         return UNEXPLAINED
     if carries_badly(excess) or far:
@@ -102,8 +103,10 @@ def held_out_excess(errors: dict[str, np.ndarray], unit: float, spread: float = 
 
 
 def verdict_by_rules(problem, before, after, noise: NoiseFloor, left: Dossier, found: bool, spread: float,
-                     excess: float, share: float = 0.0) -> str:
-    """share: RMS of what is left over that of what was measured, where that starts at nothing."""
+                     excess: float, share: float = 0.0, chance: float = 0.0) -> str:
+    """share: RMS of what is left over that of what was measured, where that starts at nothing; spread: mean
+    square of the held-out errors that the uncertainty of the parameters explains; chance: as in
+    `far_above`."""
     if carries_badly(excess):
         return UNEXPLAINED
     judged = "validation" if after["validation"].n else "identification"
@@ -114,7 +117,7 @@ def verdict_by_rules(problem, before, after, noise: NoiseFloor, left: Dossier, f
     if noise.measured:
         still = still or (rms_after > _NOISE_REACHED * noise.value and left.structure)
         still = still and remaining > (1.0 - _SHARE_EXPLAINED) * max(above, 1e-300)
-        still = still or rms_after > _FAR_ABOVE_NOISE * noise.value
+        still = still or far_above(rms_after, noise, chance)
     elif still:
         # What follows the signal is structure, the rest at most noise.
         structure = strongest.share * rms_after**2
@@ -128,6 +131,12 @@ def verdict_by_rules(problem, before, after, noise: NoiseFloor, left: Dossier, f
         return EXPLAINED
     # a floor that comes from the fit proves nothing by itself
     return NOTHING if noise.measured or share < _MUCH_LEFT else UNEXPLAINED
+
+
+def far_above(rms: float, noise: NoiseFloor, chance: float) -> bool:
+    """Whether an error is no measured noise, even less the mean square `chance` that the uncertainty of the
+    parameters may make of it on rows that were not fitted."""
+    return rms**2 - chance > (_FAR_ABOVE_NOISE * noise.value) ** 2
 
 
 def more_left_out(fitted: int, fitted_rows: int, held: int, held_rows: int) -> bool:

@@ -1,7 +1,7 @@
 """Base compliance: the whole robot tilts on its foundation under the overturning moment of its weight.
 
 The base turns by rad_per_Nm M_across, M the moment of gravity about the base origin, across the base's z
-axis.
+axis, in a motion less what moves the links (`carried_moment.py`).
 """
 
 from collections.abc import Iterable
@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 from exactarm.data.kinds import WITH_TARGET
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.effects.gravity_moment import bending
+from exactarm.effects.carried_moment import Bending
 
 
 @dataclass(frozen=True)
-class BaseCompliance(Effect):
+class BaseCompliance(Bending):
     """Tilt of the foundation, the same about both horizontal axes."""
 
     name = "base_compliance"
@@ -35,8 +35,8 @@ class BaseCompliance(Effect):
 
     def change(self, view) -> Change:
         """Joint 1 stands on the base: its axis is the base's z, its origin the base's."""
-        return bending(view, 0, self.values[0])
+        return self.bent(view, 0)
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
-        return (cls(None, (0.0,)),) if view.has_masses else ()
+        return cls(None, (0.0,)).forms_in(view) if view.has_masses else ()

@@ -265,9 +265,9 @@ def searched_orders(robot, view, index: int, lowest: float = 3.0) -> tuple[float
     return tuple(o for o in orders if np.all(np.abs(declared - o) > 0.5))
 
 
-def slow_orders(robot, view, index: int) -> tuple[float, ...]:
-    """Whole orders of axis `index` of which one to three waves lie in the range of a gear run: no spectrum
-    over the angle, levelled and windowed, shows them."""
+def slow_orders(robot, view, index: int, lowest: float = _LEAST_WHOLE) -> tuple[float, ...]:
+    """Whole orders of axis `index`, from `lowest` on, of which one to three waves lie in the range of a gear
+    run: no spectrum over the angle, levelled and windowed, shows them."""
     if view.device is not Device.GEAR or not view.moving[index]:
         return ()
     kept = [rows[view.keep[rows]] for rows, axis in view.moving_runs
@@ -276,7 +276,7 @@ def slow_orders(robot, view, index: int) -> tuple[float, ...]:
     if longest == 0.0:
         return ()
     cell = 2.0 * np.pi / longest
-    orders = np.arange(np.ceil(max(cell, _LEAST_WHOLE)), _SLOW_PASSES * cell)
+    orders = np.arange(np.ceil(max(cell, lowest)), _SLOW_PASSES * cell)
     return tuple(o for o in orders if np.all(np.abs(declared_orders(robot, index) - o) > 0.5))
 
 

@@ -1,9 +1,12 @@
 """Link compliance: an axis bends across itself under the moment that its bearing carries.
 
-All beyond joint i turns by  rad_per_Nm (M - z (z . M)),
-                             M the moment of gravity at the joint, z its axis: the
-part of the joint stiffness matrix across the axis that a torsion spring about it does not have (Abele,
-Weigold and Rothenbuecher 2007; Klimchik et al. 2013).
+All beyond joint i turns by
+
+    rad_per_Nm (M - z (z . M))
+
+M: the moment of gravity at the joint, in a motion less what moves the links (`carried_moment.py`); z: its
+axis. It is the part of the joint stiffness matrix across the axis that a torsion spring about it does not
+have (Abele, Weigold and Rothenbuecher 2007; Klimchik et al. 2013).
 """
 
 from collections.abc import Iterable
@@ -11,11 +14,11 @@ from dataclasses import dataclass
 
 from exactarm.data.kinds import WITH_TARGET
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.effects.gravity_moment import bending
+from exactarm.effects.carried_moment import Bending
 
 
 @dataclass(frozen=True)
-class LinkCompliance(Effect):
+class LinkCompliance(Bending):
     """Bending of bearing and link at one joint, the same in both directions across the axis."""
 
     name = "link_compliance"
@@ -33,7 +36,7 @@ class LinkCompliance(Effect):
         return (Parameter("rad_per_Nm", 2e-6, 0.0),)
 
     def change(self, view) -> Change:
-        return bending(view, self.index, self.values[0])
+        return self.bent(view, self.index)
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
@@ -42,4 +45,5 @@ class LinkCompliance(Effect):
         that."""
         if not view.has_masses or robot.generic_masses:
             return ()
-        return (cls(i + 1, (0.0,)) for i in range(1, robot.axes) if robot.joints[i].type == "revolute")
+        return (form for i in range(1, robot.axes) if robot.joints[i].type == "revolute"
+                for form in cls(i + 1, (0.0,)).forms_in(view))

@@ -12,7 +12,13 @@ import numpy as np
 
 from exactarm.data.kinds import GEAR_RUN, MOTION
 from exactarm.effects.base import Change, Effect, Parameter
-from exactarm.effects.harmonic_family import HarmonicFamily, declared_orders, growing_error, searched_orders
+from exactarm.effects.harmonic_family import (
+    HarmonicFamily,
+    declared_orders,
+    growing_error,
+    searched_orders,
+    slow_orders,
+)
 
 
 @dataclass(frozen=True)
@@ -64,6 +70,8 @@ class SpeedDependence(HarmonicFamily):
         for index in np.flatnonzero(view.moving):
             if robot.joints[index].has_harmonics:
                 yield cls(int(index) + 1, (0.0,))
-            orders = (*np.unique(declared_orders(robot, index)), *searched_orders(robot, view, index))
+            # what turns once or twice and grows with the speed is no run-out
+            orders = (*np.unique(declared_orders(robot, index)), *searched_orders(robot, view, index),
+                      *slow_orders(robot, view, index, lowest=1.0))
             if len(orders):
                 yield cls.zero(int(index) + 1, orders)

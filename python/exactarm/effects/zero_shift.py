@@ -44,11 +44,11 @@ class ZeroShift(StepInOrder):
         return True
 
     def shape(self, view):
-        return view.transfers[Station.SPRING]((self.index,), np.ones((view.rows, 1, 1)))
+        return view.target_by("q")[:, :, [self.index]]
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
-        if "measured" not in view.signals or Station.SPRING not in view.transfers:
+        if "measured" not in view.signals or view.target_by("q") is None:
             return
         driver, sessions = clock_of(view), [session for session, _ in view.sessions]
         for axis in range(robot.axes):
