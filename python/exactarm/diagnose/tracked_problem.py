@@ -187,7 +187,7 @@ class TrackedProblem(ProblemInTime):
         view = fitted.view
         rate = view.signals["theta_dot"] / self.robot.controller_ratios
         moving = np.flatnonzero(view.moving)
-        own = self._signals(view, self.record.data, moving, rate, np.sign(rate))
+        own = self._signals(view, self.record.data, moving, rate, view.direction)
         place = {Signal(POSITION, part=axis): view.signals["target"][:, k] for k, axis in enumerate("xyz")}
         return own | {name: values for name, values in place.items() if np.ptp(values) > 0.0}
 
