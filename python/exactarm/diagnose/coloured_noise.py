@@ -5,7 +5,8 @@ the noise (Bartlett's taper). Noise is what the surest candidates of the library
 itself still has the causes in it that are searched for, and they would pass for correlation. Many fitted
 columns take the slow part of the noise with them, and the sum over long lags then says that there is none:
 where a record is short for its noise (`short`), an autoregression over the first few lags (Yule and Walker),
-which are hardly touched by that, has a say too, and the smaller share counts. Behind a low-pass of our own
+which are hardly touched by that, and the restricted likelihood (noise/restricted_memory.py) have a say too,
+and the smallest share counts. Behind a low-pass of our own
 (`filtered`) there are at most as many as it leaves of white noise on the rows in use, whatever the columns
 took. Where the noise drifts (`drifts`), the drift is filtered out first (noise/drifting.py), and the rest is
 counted.
@@ -27,6 +28,7 @@ from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import Candidate, linear_columns, log_evidence, scan
 from exactarm.noise.autocorrelation import autocorrelation, lags_within
 from exactarm.noise.drifting import DriftingNoise
+from exactarm.noise.restricted_memory import restricted_share
 from exactarm.numerics.orthonormal import added_to
 
 NOISE_LAG_S = 1.0
@@ -52,21 +54,25 @@ class NoiseMemory:
 
 class ColouredNoise:
     """Estimates how much the noise of a problem remembers; filtered(lags): autocorrelation (lags + 1,) of
-    white noise behind the low-pass that the rows have passed, None where they have passed none."""
+    white noise behind the low-pass that the rows have passed, None where they have passed none; short: s, the
+    longest memory of noise where records are short for it, else 0."""
 
-    def __init__(self, problem: Problem, short: bool = False,
+    def __init__(self, problem: Problem, short: float = 0.0,
                  filtered: Callable[[int], np.ndarray] | None = None):
         self._problem, self._short, self._filtered = problem, short, filtered
 
     def drift_of(self, fitted: Fitted, runs: Sequence[np.ndarray], step: float) -> DriftingNoise | None:
         """From a fit whose residual has passed no filter."""
-        return DriftingNoise.of(self._unexplained(fitted, runs, step), runs)
+        return DriftingNoise.of(self._unexplained(fitted, runs, step)[0], runs)
 
     def of(self, fitted: Fitted, runs: Sequence[np.ndarray], step: float,
            drift: DriftingNoise | None = None) -> NoiseMemory:
         """From a fit (behind the filter of `drift`); `runs`: its rows in the order of time, `step` apart in
         s."""
-        share = self._share_of(self._unexplained(fitted, runs, step), fitted.weight, runs, step)
+        noise, basis = self._unexplained(fitted, runs, step)
+        share = self._share_of(noise, fitted.weight, runs, step)
+        if self._short:
+            share = min(share, restricted_share(noise, basis, runs, step, self._short))
         return NoiseMemory(float(np.sum(fitted.residual**2)), share, drift)
 
     def renewed(self, known: NoiseMemory, fitted: Fitted, runs: Sequence[np.ndarray],
@@ -85,8 +91,10 @@ class ColouredNoise:
             share = min(share, filtered_share(self._filtered, weight > 0.0, runs, step))
         return min(share, autoregressive_share(noise, runs, step)) if self._short else share
 
-    def _unexplained(self, fitted: Fitted, runs: Sequence[np.ndarray], step: float) -> np.ndarray:
-        """(N, m) whitened residual without what the declared parameters and the surest candidates explain.
+    def _unexplained(self, fitted: Fitted, runs: Sequence[np.ndarray],
+                     step: float) -> tuple[np.ndarray, np.ndarray]:
+        """(N, m) whitened residual without what the declared parameters and the surest candidates explain,
+        and a basis (N m, b) of these.
 
         Candidates come in one by one, or two that hide each other; each pays with the independent numbers
         that are in what it leaves. So a cause that leaves white noise is sure, and one more curve through
@@ -118,7 +126,7 @@ class ColouredNoise:
                 break
             basis, residual = np.concatenate([basis, found[best][1]], axis=1), found[best][2]
             strongest = [c for c in strongest if c not in best]
-        return residual[:numbers].reshape(shape)
+        return residual[:numbers].reshape(shape), basis[:numbers]
 
 
 def _share_of(noise: np.ndarray, runs: Sequence[np.ndarray], step: float) -> float:

@@ -95,7 +95,7 @@ class TrackedProblem(ProblemInTime):
         if len(held_out):
             require_sessions(data, held_out)
         self.record = subsampled_record(self._records["identification"], robot)
-        self._estimator = ColouredNoise(self, short=True)
+        self._estimator = ColouredNoise(self, short=_REMEMBERED_S)
         self._left_out = reversals_left_out(self._records.values())
         self._drawing: Drawing = {}  # see declared()
 
