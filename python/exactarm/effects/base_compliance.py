@@ -1,7 +1,8 @@
 """Base compliance: the whole robot tilts on its foundation under the overturning moment of its weight.
 
 The base turns by rad_per_Nm M_across, M the moment of gravity about the base origin, across the base's z
-axis, in a motion less what moves the links (`carried_moment.py`).
+axis, in a motion less what moves the links (`carried_moment.py`); `weight_alone = true` in a robot file:
+of the weight alone, where it gives way too slowly for accelerations.
 """
 
 from collections.abc import Iterable
