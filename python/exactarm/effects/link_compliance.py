@@ -5,8 +5,8 @@ All beyond joint i turns by
     rad_per_Nm (M - z (z . M))
 
 M: the moment of gravity at the joint, in a motion less what moves the links (`carried_moment.py`;
-`weight_alone` as of the base); z: its axis. It is the part of the joint stiffness matrix across the axis that a torsion spring about it does not
-have (Abele, Weigold and Rothenbuecher 2007; Klimchik et al. 2013).
+`weight_alone` as of the base); z: its axis. It is the part of the joint stiffness matrix across the axis that
+a torsion spring about it does not have (Abele, Weigold and Rothenbuecher 2007; Klimchik et al. 2013).
 """
 
 from collections.abc import Iterable
