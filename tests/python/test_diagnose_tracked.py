@@ -21,6 +21,8 @@ from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.scan import scan
 from exactarm.diagnose.signal import DIRECTION, PLACE, Signal
 from exactarm.effects import effect_from_table
+from exactarm.effects.step_place import places
+from exactarm.effects.tracker_step import TrackerStep
 from exactarm.identify.declared import geometry_layout
 from exactarm.identify.evaluate import evaluate_tracked_motion
 from exactarm.identify.tracked_fit import subsampled_record, tracked_record
@@ -354,3 +356,14 @@ def test_noise_with_a_long_memory_on_a_short_path_is_noise(seed, monkeypatch):
         slow[k] = keep * slow[k - 1] + np.sqrt(1.0 - keep**2) * slow[k]
     result = diagnose(ur10(), replace(data, position=data.position + slow))
     assert result.verdict == "no_undeclared_effect" and not result.findings
+
+
+def test_a_step_is_not_looked_for_where_a_run_begins():
+    """Where the friction of an axis stood before a run nobody has seen: beside a hysteresis that began on the
+    other side, the first rows were a tracker that was pushed, with 1.00."""
+    data, still = tracked(None, 5), tracked(None, 5, runs=1, seconds=1.5)
+    step = TrackerStep(None, (0.0,) * 7, 1, "row")
+    assert step._least(data) == (RATE_HZ, RATE_HZ)  # a second
+    assert places(np.arange(90.0), np.ones((90, 3)), np.ones((90, 3, 1)), step._least(still)) == ()
+    poses = Dataset.of_arrays("poses", {"q": np.zeros((40, 6))}, position=np.zeros((40, 3)))
+    assert step._least(poses) == (5, 5)

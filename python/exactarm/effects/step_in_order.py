@@ -11,11 +11,14 @@ from typing import ClassVar
 
 import numpy as np
 
+from exactarm.data.kinds.base import is_a_series
 from exactarm.effects.base import Effect, Parameter
 from exactarm.effects.slow_driver import ROW, in_order, slow_signal, unit
 from exactarm.effects.step_place import LEAST_ROWS, likelier_place, place_between, places
 
 AT_THE_END = 1e9  # row or hour: behind every row of a session, fitted or not
+# of a run: where the friction of its drives stood before, shows as long, and looks like a step
+_BEGINS_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -72,8 +75,11 @@ class StepInOrder(Effect):
     def _least(self, data) -> tuple[int, int]:
         """Rows of its session that must lie before and after it."""
         sides = (np.any(data.session < self.session), np.any(data.session > self.session))
-        known = self.spans_sessions(data)
-        return tuple(1 if known and side else LEAST_ROWS for side in sides)
+        known, least = self.spans_sessions(data), LEAST_ROWS
+        if is_a_series(data):
+            steps = np.diff(data.time)
+            least = max(least, round(_BEGINS_S / float(np.median(steps[steps > 0.0]))))
+        return tuple(1 if known and side else least for side in sides)
 
     def undecided(self, fitted, other):
         """Rows between the last fitted one before the step and the first one after it."""

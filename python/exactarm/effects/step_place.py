@@ -31,7 +31,7 @@ def places(x: np.ndarray, residual: np.ndarray, patterns: np.ndarray,
     (R, c, p); least: rows before and after it."""
     count = len(x)
     square = np.cumsum(np.einsum("rcp,rcp->rp", patterns, patterns), axis=0)
-    if count < 4 * LEAST_ROWS or not np.any(square[-1]):
+    if count < 4 * LEAST_ROWS or count <= sum(least) or not np.any(square[-1]):
         return ()
     shown = square[-1] > 0.0
     along = np.cumsum(np.einsum("rcp,rc->rp", patterns, residual), axis=0)[:, shown]
