@@ -29,7 +29,7 @@ from exactarm.diagnose.contribution import (
     _waves,
 )
 from exactarm.diagnose.diagnosis import Diagnosis, diagnose
-from exactarm.diagnose.signal import ANGLE, LOAD, SPEED, TIME, Signal, axis_of, measured_of, turn_of
+from exactarm.diagnose.signal import ANGLE, LOAD, ORDER, SPEED, TIME, Signal, axis_of, measured_of, turn_of
 from exactarm.effects.base import Station
 from exactarm.effects.expression import Expression
 from exactarm.effects.gear_harmonics import GearHarmonics
@@ -124,7 +124,9 @@ def test_a_drift_is_drawn_over_what_drives_it():
         found = _own_signals(SimpleNamespace(joint=None, driven_by=None, driver=driver), signals, None)
         assert list(found) == [Signal(driver)]
     assert _own_signals(SimpleNamespace(joint=None, driven_by=None), signals, None) is signals
-    assert _own_signals(SimpleNamespace(joint=None, driven_by=None, driver="row"), signals, None) is signals
+    rows = SimpleNamespace(view=SimpleNamespace(data=SimpleNamespace(row=np.array([4, 7, 9]))))
+    found = _own_signals(SimpleNamespace(joint=2, driven_by=2, driver="row"), signals, rows)
+    assert list(found) == [Signal(ORDER)] and list(found[Signal(ORDER)]) == [4.0, 7.0, 9.0]
 
 
 def test_what_another_axis_drives_is_drawn_over_that_axis():

@@ -5,7 +5,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from exactarm.commands.diagnose import _beyond_fit
 from exactarm.commands.diagnose_report import _next, _why
 from exactarm.commands.effect_sections import in_order
 from exactarm.diagnose.dossier import Dossier
@@ -38,15 +37,6 @@ def test_an_error_that_the_parameters_may_make_is_not_far_above_the_noise(chance
     said = verdict_by_rules(SimpleNamespace(share_left=0.1), ERRORS, ERRORS, NoiseFloor(0.5, "", True),
                             Dossier((), 0.0), False, 0.0, 1.0, chance=chance)
     assert said == verdict
-
-
-@pytest.mark.parametrize("verdict, held, told", [(NOTHING, 1.4, False), (NOTHING, 1.6, True),
-                                                 (UNEXPLAINED, 9.0, False)])
-def test_rows_that_err_far_more_than_fitted_ones_are_told_where_nothing_objects(verdict, held, told):
-    after = {"identification": summarise(np.full(50, 1e-4)),
-             "validation": summarise(np.full(20, 1e-4 * held))}
-    words = _beyond_fit(SimpleNamespace(verdict=verdict, after=after, unit="m"))
-    assert (words is not None) == told and (not told or "0.160 mm" in words)
 
 
 @pytest.mark.parametrize("fitted, held, more", [

@@ -42,12 +42,11 @@ from exactarm.diagnose.not_noise import probability_of as probability_not_noise
 from exactarm.diagnose.posterior import UNKNOWN, Causes
 from exactarm.diagnose.selected import Accepted
 from exactarm.diagnose.signal import LOAD
-from exactarm.diagnose.verdict import FAR_ABOVE_NOISE, UNEXPLAINED, remains, stood_and_refuted
+from exactarm.diagnose.verdict import UNEXPLAINED, remains, stood_and_refuted
 from exactarm.errors import InputError
 from exactarm.identify.session_payloads import session_payloads
 from exactarm.identify.statistics import summarise
 from exactarm.progress import SILENT, Progress
-from exactarm.report.numbers import quantity
 from exactarm.robot.writer import tables_text
 
 NAME = "diagnose"
@@ -107,7 +106,7 @@ def diagnose(robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, thread
         doubts = result.problem.doubts(result.selection.fits[-1])
         warnings += [line for line in (*told, *found, *doubts) if line not in warnings]
     lines = (line for each in results for line in (
-        _mounted_otherwise(each), _doubted(each), _objected(each), wild_elsewhere(each), _beyond_fit(each)))
+        _mounted_otherwise(each), _doubted(each), _objected(each), wild_elsewhere(each)))
     warnings += dict.fromkeys(line for line in lines if line is not None)
     first = results[0]
     also: dict[str, Any] = {"also": [_json(other) for other in results[1:]]} if len(results) > 1 else {}
@@ -141,16 +140,6 @@ def _mounted_otherwise(result: Diagnosis) -> str | None:
         return None
     return ("what no spring explains follows the load that the robot file's masses make: is the arm mounted "
             "as its file's gravity_m_s2 says?")
-
-
-def _beyond_fit(result: Diagnosis) -> str | None:
-    """In words: rows that were not fitted err far more than fitted ones, and nothing objects."""
-    fitted, others = result.after["identification"], result.after["validation"]
-    if result.verdict == UNEXPLAINED or not others.n or others.rms <= FAR_ABOVE_NOISE * fitted.rms:
-        return None
-    return (f"rows that were not fitted err by {quantity(others.rms, result.unit)}, fitted ones by "
-            f"{quantity(fitted.rms, result.unit)} RMS: these rows leave so much of the parameters open, and "
-            "say little of the arm elsewhere; measure where it is to work")
 
 
 def _doubted(result: Diagnosis) -> str | None:

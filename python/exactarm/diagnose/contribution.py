@@ -39,6 +39,7 @@ from exactarm.diagnose.signal import (
     ANGLE,
     LOAD,
     MOTOR_ANGLE,
+    ORDER,
     POSITION,
     SPEED,
     TIME,
@@ -49,6 +50,7 @@ from exactarm.diagnose.signal import (
 )
 from exactarm.effects.axis_units import of_a_slide, slides
 from exactarm.effects.base import Effect, OwnCurve, Station
+from exactarm.effects.slow_driver import ROW
 from exactarm.numerics.quadratic import variances
 from exactarm.robot.robot import Robot
 
@@ -307,10 +309,12 @@ def _told_over(named: dict[Signal, np.ndarray], value: np.ndarray) -> Signal:
 
 def _own_signals(effect: Effect, signals: dict[Signal, np.ndarray], fitted: Fitted,
                  direction: Direction | None = None) -> dict[Signal, np.ndarray]:
-    """What drives the effect, where it says so (time, a temperature); else the signals of the axis that it
-    follows, of no axis, and the phase of a fast element. An effect of no single axis that is drawn along the
-    error of one axis: those of that axis; else all."""
+    """What drives the effect, where it says so (time, rows, a temperature); else the signals of the axis that
+    it follows, of no axis, and the phase of a fast element. An effect of no single axis that is drawn along
+    the error of one axis: those of that axis; else all."""
     driver = Signal(getattr(effect, "driver", ""))
+    if driver.quantity == ROW:
+        return {Signal(ORDER): fitted.view.data.row.astype(float)}
     if driver in signals:
         return {driver: signals[driver]}
     axis = effect.driven_by

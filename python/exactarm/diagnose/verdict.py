@@ -30,7 +30,7 @@ from exactarm.diagnose.signal import Structure
 
 EXPLAINED, NOTHING, UNEXPLAINED = "explained", "no_undeclared_effect", "unexplained"
 _NOISE_REACHED = 1.25  # RMS after, beside the noise floor
-FAR_ABOVE_NOISE = 1.5  # RMS after, beside a measured noise floor: something is left, whatever it follows
+_FAR_ABOVE_NOISE = 1.5  # RMS after, beside a measured noise floor: something is left, whatever it follows
 # probability of nothing, below which something acts though it has no name: said of one clean set in twenty
 _NOT_NOTHING = 0.05
 _NO_CHANGE = 0.005  # of the RMS error: less is no change in words
@@ -136,7 +136,7 @@ def verdict_by_rules(problem, before, after, noise: NoiseFloor, left: Dossier, f
 def far_above(rms: float, noise: NoiseFloor, chance: float) -> bool:
     """Whether an error is no measured noise, even less the mean square `chance` that the uncertainty of the
     parameters may make of it on rows that were not fitted."""
-    return rms**2 - chance > (FAR_ABOVE_NOISE * noise.value) ** 2
+    return rms**2 - chance > (_FAR_ABOVE_NOISE * noise.value) ** 2
 
 
 def more_left_out(fitted: int, fitted_rows: int, held: int, held_rows: int) -> bool:
