@@ -118,6 +118,15 @@ def test_the_usual_source_of_an_order_follows_from_the_ratio(order, ratio, word)
     assert word in likely_source(order, ratio)
 
 
+def test_what_is_smooth_in_time_follows_no_direction():
+    """A base that gives way was drawn over the direction of an axis, which passes through values between -1
+    and 1 at reversals and stays at these for seconds."""
+    time = np.linspace(0.0, 20.0, 2000)
+    direction, load = np.clip(30.0 * np.sin(time), -1.0, 1.0), np.sin(0.37 * time + 0.5)
+    assert len(np.unique(direction)) > 8
+    assert _follows(direction, load) < 0.5 < 0.99 < _follows(load, load)
+
+
 def test_a_drift_is_drawn_over_what_drives_it():
     signals = dict.fromkeys((Signal(ANGLE, 1), Signal(TIME), Signal("temperature")), np.arange(3.0))
     for driver in ("time", "temperature"):
