@@ -150,8 +150,7 @@ def test_names_a_rotor(racer):
 
 @pytest.mark.slow
 def test_what_is_small_beside_the_noise_of_six_axes_is_named_beside_that_of_its_own(racer):
-    """A twelfth of the square sum of axis 5 is a seventieth of all, which was "nothing". An independent
-    simulator's viscous friction that falls by 3 % per degree was that with evidence of 104."""
+    """A twelfth of the square sum of axis 5 is a seventieth of all, which was "nothing"."""
     def rotor(angle, rate, acceleration):
         own = acceleration[:, 4]
         return np.outer(0.3 * NOISE_NM * own / own.std(), np.eye(6)[4])

@@ -43,9 +43,9 @@ def test_no_order_is_tried_of_which_less_than_one_wave_was_seen():
 
 def test_what_follows_the_direction_or_the_speed_is_a_rival_there():
     """Runs to one side, or at one speed, cannot tell it from an angle error, which stood at 1.00 alone. What
-    grows with the speed may turn once or twice, too: as a run-out it left the error of rows never fitted 24 %
-    above the noise. (On the shipped runs of a KR300 such waves raised that error from 65 to 70 urad before
-    held-out rows could contradict an effect; it is 65 with them since.)"""
+    grows with the speed may turn once or twice, too: it stood as a run-out. (On the shipped runs of a KR300
+    such waves raised the error of rows never fitted from 65 to 70 urad before held-out rows could contradict
+    an effect; it is 65 with them since: `exactarm diagnose kr300`, docs/measured.md.)"""
     view, robot = swept(5.0, 1.6), rigid()
     view.signals["theta_dot"] = view.direction
     tried = {family: [e.parameters()[0].search for e in family.candidates(robot, view) if e.joint == 4]

@@ -98,16 +98,13 @@ class CrossValidation:
             values = _solved(lower, onto - own.T @ answer - within.T @ part.right)
             yield part, part.error - beyond @ values, beyond
 
-    def squares(self, columns: np.ndarray | None = None, prior: np.ndarray | None = None,
-                units: np.ndarray | None = None) -> np.ndarray:
-        """(units,) square sum of the held-out residual with the free parameters and `columns` (R, k), if any,
+    def squares(self, columns: np.ndarray | None = None, prior: np.ndarray | None = None) -> np.ndarray:
+        """(folds,) square sum of the held-out residual with the free parameters and `columns` (R, k), if any,
         refitted.
 
-        prior (k,): standard deviations of the priors of the columns' coefficients, inf = none. units (N,):
-        what the square sum is told by, numbers from 0; absent: the folds.
+        prior (k,): standard deviations of the priors of the columns' coefficients, inf = none.
         """
-        by_row = np.sum(self.numbers_squared(columns, prior), axis=1)
-        return np.bincount(self.folds if units is None else units, weights=by_row)
+        return np.bincount(self.folds, weights=np.sum(self.numbers_squared(columns, prior), axis=1))
 
     def numbers_squared(self, columns: np.ndarray | None = None,
                         prior: np.ndarray | None = None) -> np.ndarray:

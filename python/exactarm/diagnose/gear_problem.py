@@ -248,11 +248,11 @@ class GearProblem(ProblemInTime):
                      zip(*((~record.keep, np.ones(record.keep.size)) for record in self._records.values())))
         why = ("a run is cut in motion, a gear passes between its tables, inertia swings the drive train "
                "or a filter rounds the motion")
-        rows_out = (f"{out} of {rows} samples were left out: there {why}",) if out else ()
+        words = (f"{out} of {rows} samples were left out: there {why}",) if out else ()
         if (silent := axes_not_logged(self.data)).size:
-            rows_out += (f"no angle of {axes_in_words(silent)} is in the log: loads are those of the pose "
+            words += (f"no angle of {axes_in_words(silent)} is in the log: loads are those of the pose "
                          "with the motors there at 0",)
-        return (*rows_out, *map(str, self._tones))
+        return (*words, *map(str, self._tones))
 
     @property
     def run(self) -> np.ndarray:
