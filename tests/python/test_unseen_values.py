@@ -6,6 +6,7 @@ import numpy as np
 
 from exactarm.diagnose.intervals import derived_of, intervals_of, unseen
 from exactarm.effects.payload import Payload
+from exactarm.effects.thermal_drift import ThermalLubricant
 
 ALL = np.ones(4, bool), slice(0, 4)
 
@@ -37,3 +38,14 @@ def test_a_value_that_is_poorly_known_keeps_its_interval():
     last = state_of([1e-3, 1e-4, 1e-4, 3.0])  # three times what is plausible
     assert not unseen(payload, last, where, free).any()
     assert "com_z_m" in derived_of(payload, last, where, free)
+
+
+def test_a_rate_by_the_hour_may_be_as_quick_as_a_record_of_seconds_shows():
+    """Half of the friction in half a minute is 60 per hour; what is plausible is 0.01 per hour of warming up."""
+    last = state_of([15.0])  # per hour
+    last.view.data = SimpleNamespace(time=np.linspace(0.0, 30.0, 50), row=np.arange(50), run=np.ones(50, int),
+                                     visit=None, joints={})
+    lubricant = ThermalLubricant(None, (60.0,), "time")
+    assert not unseen(lubricant, last, slice(0, 1), np.ones(1, bool)).any()
+    last.view.data.time = np.linspace(0.0, 7200.0, 50)
+    assert unseen(lubricant, last, slice(0, 1), np.ones(1, bool)).all()
