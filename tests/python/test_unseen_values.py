@@ -41,7 +41,7 @@ def test_a_value_that_is_poorly_known_keeps_its_interval():
 
 
 def test_a_rate_by_the_hour_may_be_as_quick_as_a_record_of_seconds_shows():
-    """Half of the friction in half a minute is 60 per hour; what is plausible is 0.01 per hour of warming up."""
+    """Half of the friction in half a minute is 60 per hour; 0.01 per hour of warming up is plausible."""
     last = state_of([15.0])  # per hour
     last.view.data = SimpleNamespace(time=np.linspace(0.0, 30.0, 50), row=np.arange(50), run=np.ones(50, int),
                                      visit=None, joints={})

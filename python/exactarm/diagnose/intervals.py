@@ -34,7 +34,7 @@ def intervals_of(effect: Effect, last: Fitted, where: slice, free: np.ndarray) -
 
 
 def unseen(effect: Effect, last: Fitted, where: slice, free: np.ndarray) -> np.ndarray:
-    """(k,) bool: values of which the rows tell less than a thousandth of what is plausible in these data: those
+    """(k,) bool: values of which the rows tell less than a thousandth of what is plausible in such data:
     along the axis of a payload that only turns about it, of a direction in which no run moved a sensor."""
     deviation = np.zeros(len(free))
     deviation[free] = np.sqrt(np.diagonal(last.fit.covariance)[where])
