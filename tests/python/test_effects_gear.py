@@ -165,3 +165,12 @@ def test_curve_keeps_its_end_where_nothing_was_measured():
     np.testing.assert_allclose(value, expected, atol=1e-12)
     assert np.all(slope[[3, 5, 6]] == 0.0) and slope[0] != 0.0
     assert effect_from_table(curve.to_table()) == curve
+
+
+def test_a_run_out_beyond_real_gears_is_drawn_as_wide_as_it_came_out():
+    usual = GearEccentricity(1, (4e-4, 3e-4, 0.0, 0.0))
+    assert usual.redrawn(np.zeros((4, 4))) is usual
+    large = GearEccentricity(1, (4e-3, 3e-3, 0.0, 0.0))
+    redrawn = large.redrawn(np.diag([0.0, 0.0, 5e-6, 6e-6]))
+    assert [p.prior for p in redrawn.parameters()] == pytest.approx([3e-3] * 4)  # sqrt(36 / 4) mrad
+    assert redrawn.values == large.values and redrawn.redrawn(np.diag([0.0, 0.0, 5e-6, 6e-6])) is redrawn

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from exactarm.diagnose import posterior
-from exactarm.diagnose.evidence import Members, Picture, compressed
+from exactarm.diagnose.evidence import Members, Picture
 from exactarm.diagnose.search import FIRST, FURTHER, _richer, log_prior_of_count, search, weight_of
 from exactarm.diagnose.self_test import _Parts
 from exactarm.diagnose.signal import ANGLE, Signal, turn_of
@@ -56,7 +56,7 @@ def picture(seed, planted=(), positive=False, size=1.5, known=0):
 
 def dense_log_likelihood(pic, members):
     """-1/2 log|V| - n/2 log(r' V^-1 r), V = I + B B' written out."""
-    (columns, residual), basis = pic.rows, pic.absorbed.basis
+    columns, residual, basis = pic.columns, pic.residual, pic.absorbed.basis
     blocks = [pic.vocabulary.blocks[i] for i in members.blocks]
     b = np.concatenate([np.zeros((len(residual), 0)),
                         *(columns[:, block.where] * (SCALES[scale] * block.size)
@@ -83,7 +83,7 @@ def test_what_a_set_takes_off_has_a_row_for_each_direction_that_it_tells():
     declared, residual = rng.standard_normal((ROWS, COMPONENTS, 5)), rng.standard_normal((ROWS, COMPONENTS))
     pic = Picture.of(Vocabulary(blocks, (responses,)), residual, declared,
                      normal_noise(np.ones((ROWS, COMPONENTS))))
-    columns, left = pic.rows
+    columns, left = pic.columns, pic.residual
     basis = pic.absorbed.basis
     cleared, left = columns - basis @ (basis.T @ columns), left - basis @ (basis.T @ left)
     b = cleared[:, :40] * (SCALES[5] * blocks[0].size)
@@ -243,21 +243,6 @@ def test_certain_poorer_forms_give_way_to_the_curve_that_includes_them():
     assert _richer(pic, Members((1, 2), (2, 2))).blocks == (0,)
 
 
-def test_compressed_columns_have_the_same_products():
-    rng = np.random.default_rng(9)
-    columns = rng.standard_normal((300, 6)) * 10.0 ** rng.integers(-6, 6, 6)
-    residual = rng.standard_normal(300)
-    columns[:, 4] = 0.0
-    columns[:, 5] = columns[:, 0] * (1.0 + 1e-3 * rng.standard_normal(300))
-    few, short = compressed(columns, residual)
-    assert len(few) <= 7 and len(short) == len(few)
-    norm = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    cosines = lambda matrix: matrix.T @ matrix / norm / norm[:, None]
-    assert cosines(few) == pytest.approx(cosines(columns), abs=1e-9)
-    assert few.T @ short / norm == pytest.approx(columns.T @ residual / norm, abs=1e-6)
-    assert short @ short == pytest.approx(residual @ residual)
-
-
 def test_random_signs_by_block_are_those_of_the_rows():
     pic, rng = picture(10), np.random.default_rng(11)
     residual, visits = rng.standard_normal(ROWS * COMPONENTS), np.arange(ROWS) // 4
@@ -265,7 +250,7 @@ def test_random_signs_by_block_are_those_of_the_rows():
     signs = np.random.default_rng(12).choice([-1.0, 1.0], (visits.max() + 1, 5))
     wild = residual[:, None] * np.repeat(signs[visits], COMPONENTS, axis=0)
     wild -= pic.absorbed.basis @ (pic.absorbed.basis.T @ wild)
-    assert onto == pytest.approx(pic.rows[0].T @ wild)
+    assert onto == pytest.approx(pic.columns.T @ wild)
     assert square == pytest.approx(np.sum(wild**2, axis=0))
 
 

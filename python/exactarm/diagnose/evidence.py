@@ -32,7 +32,6 @@ from exactarm.numerics.orthonormal import orthonormal
 WEAKEST = 1e-7  # direction of the declared parameters beside the strongest, below which it absorbs nothing
 
 _MOST_PRODUCTS = 40  # of a block's columns with all others, kept: a few hundred MB at most
-_LONG, _ROUNDING = 2, 1e-12  # rows per column from which products stand for rows; of a Gram matrix
 _FAINT = 1e-9  # of the noise's variance: what varies by less changes no product by more than this share
 _IN_CACHE = 64  # columns that are whitened at once
 
@@ -99,15 +98,8 @@ class Absorbed:
         absorbed, before = (c.T @ self.basis[: self.measured]).T, np.einsum("ij,ij->j", c, c)
         hidden = before - np.einsum("ij,ij->j", absorbed, absorbed) < ABSORBED * before
         c[:, hidden], absorbed[:, hidden] = 0.0, 0.0
-        r = self.residual[: self.measured]
-        if len(r) > _LONG * c.shape[1]:
-            cleared = -self.basis @ absorbed
-            cleared[: self.measured] += c
-            columns, residual = compressed(cleared, self.residual)
-            return Picture(vocabulary, self, absorbed, columns, residual, (absorbed[:0], np.zeros(0)), known,
-                           rows=(c, r))
-        return Picture(vocabulary, self, absorbed, c, r, (absorbed, np.zeros(len(absorbed))), known)
-
+        return Picture(vocabulary, self, absorbed, c, self.residual[: self.measured],
+                       (absorbed, np.zeros(len(absorbed))), known)
 
     def parted(self, folds: np.ndarray) -> CrossValidation:
         """For the cross-validation of sets by folds (N,) of the rows of the data."""
@@ -123,13 +115,11 @@ class Picture:
 
     def __init__(self, vocabulary: Vocabulary, absorbed: Absorbed, crossed: np.ndarray, columns: np.ndarray,
                  residual: np.ndarray, taken: tuple[np.ndarray, np.ndarray], known: int = 0,
-                 closed: frozenset[int] = frozenset(), rows: tuple[np.ndarray, np.ndarray] | None = None,
-                 before: Picture | None = None):
+                 closed: frozenset[int] = frozenset(), before: Picture | None = None):
         self.closed, self.known = closed, known  # closed: blocks that are not to be added
         self.vocabulary, self.columns, self.residual = vocabulary, columns, residual
         self.absorbed, self.count, self.taken = absorbed, absorbed.count, taken
         self.crossed = crossed  # (d, p) Q'C
-        self.rows = (columns, residual) if rows is None else rows  # row by row, where they are compressed
         self.before = before  # the picture without the last of these sets
         self.square = float(absorbed.residual @ absorbed.residual - taken[1] @ taken[1])
         self._product: dict[int, np.ndarray] = {}  # C_g'V^-1 C of blocks that have been members
@@ -152,7 +142,7 @@ class Picture:
         rows = np.asfortranarray(np.concatenate([self.taken[0], cross]))  # read column by column
         taken = rows, np.concatenate([self.taken[1], onto])
         return Picture(self.vocabulary, self.absorbed, self.crossed, self.columns, self.residual, taken,
-                       self.known + len(members.blocks), closed, self.rows, self)
+                       self.known + len(members.blocks), closed, self)
 
     @cached_property
     def by_width(self) -> dict[int, np.ndarray]:
@@ -290,7 +280,7 @@ class Picture:
 
     def _rows_of(self, members: Members) -> np.ndarray:
         """(R, K) rows of the columns of a set times their standard deviations, those of a prior too: B."""
-        columns, blocks = self.rows[0], self.vocabulary.blocks
+        columns, blocks = self.columns, self.vocabulary.blocks
         where = [np.arange(blocks[i].where.start, blocks[i].where.stop) for i in members.blocks]
         found = np.zeros((len(self.absorbed.residual), sum(map(len, where))))
         if where:
@@ -334,15 +324,3 @@ class Picture:
         mean = (shrink * turned) @ rows.T
         variance = shrink @ (rows**2).T * left[:, None] / self.count
         return np.sum(special.log_ndtr(mean / np.sqrt(np.maximum(variance, 1e-300))) + np.log(2.0), axis=1)
-
-
-def compressed(columns: np.ndarray, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(p + 1, p) columns and (p + 1,) residual, whose products with each other are those of (R, p) and (R,):
-    all that a search asks for. By the Cholesky factor of the scaled columns' products; what makes dependent
-    ones definite is far below what a probability notices."""
-    norm = np.linalg.norm(columns, axis=0)
-    unit = columns / np.where(norm > 0.0, norm, 1.0)
-    lower = np.linalg.cholesky(unit.T @ unit + _ROUNDING * np.eye(len(norm)))
-    onto = linalg.solve_triangular(lower, unit.T @ residual, lower=True, check_finite=False)
-    rest = np.sqrt(max(float(residual @ residual - onto @ onto), 0.0))
-    return np.concatenate([lower.T * norm, np.zeros((1, len(norm)))]), np.append(onto, rest)

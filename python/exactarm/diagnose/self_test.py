@@ -64,7 +64,7 @@ class _Parts:
         block = np.repeat(names, len(residual) // len(visits))
         order = np.argsort(block, kind="stable")
         starts = np.searchsorted(block[order], np.arange(names.max() + 1))
-        columns, absorbed = picture.rows[0], picture.absorbed
+        columns, absorbed = picture.columns, picture.absorbed
         add = lambda matrix: np.add.reduceat(matrix[order] * residual[order, None], starts, axis=0).T
         strips = [add(columns[:, at : at + _STRIP]) for at in range(0, columns.shape[1], _STRIP)]
         declared = add(absorbed.basis[: absorbed.measured])

@@ -6,7 +6,7 @@ part is an offset of the axis (the declared model has it).
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,15 +15,18 @@ from exactarm.effects.axis_units import slides
 from exactarm.effects.base import Change, Effect, Parameter, Station
 
 SPREAD_RAD = 1e-3  # of real gears; on a part of a revolution, larger terms would imitate any slow curve
+_SETTLED = 0.05  # change of the spread, as its logarithm, from which it is drawn anew
 
 _LEAST_RANGE_RAD = 1.0  # on less, once per revolution is a parabola, and has no name
 
 
 @dataclass(frozen=True)
 class GearEccentricity(Effect):
-    """Amplitudes of both orders; `second` False: of the first alone."""
+    """Amplitudes of both orders; `second` False: of the first alone. spread_rad: standard deviation of each
+    in a fit, that of real gears unless the data ask for a wider one."""
 
     second: bool = True
+    spread_rad: float = SPREAD_RAD
 
     name = "gear_eccentricity"
     plain = "run-out (once and twice a turn)"
@@ -40,7 +43,8 @@ class GearEccentricity(Effect):
 
     def parameters(self) -> tuple[Parameter, ...]:
         names = ("first_cos_rad", "first_sin_rad", "second_cos_rad", "second_sin_rad")
-        return tuple(Parameter(name, 2e-4, prior=SPREAD_RAD) for name in names[: 4 if self.second else 2])
+        seen = names[: 4 if self.second else 2]
+        return tuple(Parameter(name, 2e-4, prior=self.spread_rad) for name in seen)
 
     def change(self, view) -> Change:
         phi = view.phi[:, self.index]
@@ -50,6 +54,13 @@ class GearEccentricity(Effect):
         shape, values = np.stack(shapes, axis=1), np.array(self.values)
         by_phi = self.by_own_entry(view, np.stack(slopes, axis=1) @ values)
         return Change((self.index,), (shape @ values)[:, None], shape[:, None, :], {"phi": by_phi})
+
+    def redrawn(self, covariance: np.ndarray) -> Effect:
+        """By expectation and maximisation (MacKay 1992): spread^2 = mean(value^2 + variance); on a part of a
+        revolution the intervals of a gear far worse than real ones would be those of the real ones else."""
+        spread = np.sqrt(np.mean(np.square(self.values) + np.diag(covariance)))
+        wider = max(float(spread), SPREAD_RAD)
+        return self if abs(np.log(wider / self.spread_rad)) < _SETTLED else replace(self, spread_rad=wider)
 
     @classmethod
     def from_table(cls, table) -> Effect:
