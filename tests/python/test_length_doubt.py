@@ -72,6 +72,21 @@ def test_a_wire_whose_zero_is_elsewhere_is_told():
 
 
 @pytest.mark.slow
+def test_one_wrong_distance_among_right_ones_is_told():
+    """1 mm, at one place of three: what the two others say of the scale is what doubts it. Judged by the
+    drawing's tolerance alone, without a word the arm became worse than its drawing."""
+    robot, data = touched("panda", "socket", 5, count=20)
+    sessions = np.unique(data.session)
+    apart = [replace(each, session=int(session)) for session in sessions for each in data.fixture.distances]
+    assert len(sessions) == 3 and len(apart) == 3
+    right = replace(data, fixture=replace(data.fixture, distances=tuple(apart)))
+    assert doubts(robot, right) == []
+    apart[0] = replace(apart[0], length=apart[0].length + 1e-3)
+    (line,) = doubts(robot, replace(data, fixture=replace(data.fixture, distances=tuple(apart))))
+    assert line.startswith("socket 0 to 1 of session 1: the touches say") and "wrong one" not in line
+
+
+@pytest.mark.slow
 def test_known_radii_place_the_tool():
     """With free radii the tool and the centres could run off together, by kilometres."""
     robot, data = touched("panda", "sphere", 5, count=30)

@@ -1,10 +1,13 @@
 """Is a known length of the fixture another one? Everything once more with all of them free.
 
-    t = (L - f) / sd(L - f),    f: what the touches and the drawing of the arm say without any known length
+    d = L - f,  C = cov(d),     f: what the touches and the drawing of the arm say without any known length
+    t = d_i / C_ii^(1/2)                              length i by itself: a mistake that all of a sort share
+    t = (C^-1 d)_i / (C^-1)_ii^(1/2)                  beside what all others say of it: a single one
 
-Told apart from the scale: where the lengths are all that gives it, sd holds the tolerances of the drawing
-(exactarm.identify.size_doubt is for a factor common to all). What an arm lacks beyond geometry moves f by
-more than noise would: sd is never less than the touches scatter, and a length is doubted only far out.
+By itself C holds the tolerances of the drawing where lengths are all that gives the scale
+(exactarm.identify.size_doubt is for a factor common to all); the others give it where they are right. What an
+arm lacks beyond geometry moves f by more than noise would: a standard deviation is never less than the
+touches scatter, and a length is doubted only far out.
 """
 
 from dataclasses import replace
@@ -23,7 +26,9 @@ from exactarm.measurement.partner import Partner
 
 # right lengths of virtual spheres, a cube, a wire, two arms: 1.1 at most; 10 mm, a factor of 2: 100 and more
 _DOUBTED = 8.0
+_DOUBTED_BESIDE = 5.0  # of noise alone, one right length in two million
 _ANY_GAP_M = 1.0
+_AS_GOOD = 0.8  # of the doubt of the one doubted most, from which another may be the wrong one
 _TWICE = 0.1  # share by which a factor of two may be missed
 
 
@@ -41,16 +46,36 @@ def length_doubts(fit: ClosureFit, data: Dataset, pulls: Pulls, threads: int = 1
                         threads=threads)
     if not anew.fit.converged:
         return ()
-    worst: dict[str, tuple[float, str]] = {}
-    for sort, words, said, known, sd in _compared(anew, fit.layout, pulls.fixture):
-        sd = float(np.hypot(sd, anew.sigma_position))
-        doubt = abs(said - known) / sd
-        if said < 2.0 * reach(fit.robot) and doubt > max(_DOUBTED, worst.get(sort, (0.0, ""))[0]):
-            is_twice = sort == "radius" and abs(known / max(said, 1e-12) / 2.0 - 1.0) < _TWICE
-            twice = "; is a diameter given for a radius?" if is_twice else ""
-            worst[sort] = (doubt, f"{words}: the touches say {1e3 * said:.4g} mm ± {1e3 * sd:.2g} mm, "
-                                  f"expected {known * 1e3:.4g} mm{twice}")
-    return tuple(line for _, line in worst.values())
+    found = list(_compared(anew, fit.layout, pulls.fixture))
+    if not found:
+        return ()
+    apart = np.array([known - said for _, _, said, known, _, _ in found])
+    rows = np.array([row for *_, row, _ in found])
+    covariance = rows @ anew.fit.covariance @ rows.T + np.diag([sigma**2 for *_, sigma in found])
+    inverse = np.linalg.inv(covariance)
+    ways = ((apart, np.diag(covariance) ** 0.5, _DOUBTED),
+            (inverse @ apart / np.diag(inverse), np.diag(inverse) ** -0.5, _DOUBTED_BESIDE))
+    lines: dict[str, str] = {}
+    for off, deviation, least in ways:
+        if lines:  # what others say is worth nothing beside them
+            break
+        deviation = np.hypot(deviation, anew.sigma_position)
+        doubts = np.abs(off) / deviation
+        for k in np.argsort(-doubts, kind="stable"):
+            sort, words, _, known, *_ = found[k]
+            if doubts[k] > least and sort not in lines and known - off[k] < 2.0 * reach(fit.robot):
+                same = [found[i][1] for i in np.flatnonzero(doubts > _AS_GOOD * doubts[k])
+                        if i != k and found[i][0] == sort]
+                lines[sort] = _line(sort, words, known - off[k], deviation[k], known,
+                                    same if least == _DOUBTED_BESIDE else [])
+    return tuple(lines.values())
+
+
+def _line(sort: str, words: str, said: float, sd: float, known: float, rivals: list[str]) -> str:
+    is_twice = sort == "radius" and abs(known / max(said, 1e-12) / 2.0 - 1.0) < _TWICE
+    return (f"{words}: the touches say {1e3 * said:.4g} mm ± {1e3 * sd:.2g} mm, expected {known * 1e3:.4g} mm"
+            + ("; is a diameter given for a radius?" if is_twice else "")
+            + (f"; or {' or '.join(rivals)} is the wrong one" if rivals else ""))
 
 
 def _released(effect, free: np.ndarray):
@@ -63,21 +88,22 @@ def _released(effect, free: np.ndarray):
 
 
 def _compared(anew: ClosureFit, before: Layout, fixture: Fixture):
-    """(sort, words, said by the touches, known, standard deviation), lengths in m."""
-    covariance = anew.fit.covariance
+    """(sort, words, said by the touches, known, derivative (P,) of what is said, standard deviation of what
+    is known), lengths in m."""
+    kept = {each.name for each in known_lengths(anew.layout, replace(fixture, distances=(), radii=()))}
     for each in known_lengths(anew.layout, fixture):
+        if each.name in kept:  # a board's square
+            continue
         sort = "distance" if each.is_distance else "radius"
-        sd = np.sqrt(each.row @ covariance @ each.row + each.sigma**2)
-        yield sort, each.name, each.known - each.residual, each.known, sd
-    deviation = np.sqrt(np.diag(covariance))
+        yield sort, each.name, each.known - each.residual, each.known, each.row, each.sigma
+    unit = np.eye(anew.layout.size)
     at = {name: k for k, name in enumerate(anew.layout.names)}
     for effect, old in zip(anew.layout.effects, before.effects):
         if isinstance(effect, Bar) and not effect.absolute and old.absolute:
-            sd = deviation[at[effect.parameter_label(effect.parameters()[3])]]
+            row = unit[at[effect.parameter_label(effect.parameters()[3])]]
             words = f'zero of bar {effect.number} of session {effect.session} (zero = "free" would take it)'
-            yield "bar", words, effect.values[3], 0.0, np.hypot(sd, SIGMA_M)
+            yield "bar", words, effect.values[3], 0.0, row, SIGMA_M
         if isinstance(effect, Partner):
             known = old.declared_as
-            sd = deviation[at["partner_gap_m"]]
             yield ("partner", "distance of the balls of both arms", known.distance + effect.values[9],
-                   known.distance, np.hypot(sd, known.sigma))
+                   known.distance, unit[at["partner_gap_m"]], known.sigma)
