@@ -14,6 +14,7 @@ from exactarm.files.examples import data_path
 from exactarm.identify.calibration_doubts import FAR_FROM_DRAWING, contradicting, far_from_drawing
 from exactarm.identify.reach import reach
 from exactarm.robot_file import load_robot
+from test_closures import touched
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +42,20 @@ def test_rounded_readings_are_told_with_their_step(ur10):
     half = np.radians(0.5)
     (line,) = told(robot, replace(data, joints=data.joints | {"q": on_grid(data.joints["q"], half)}))
     assert line.startswith("joint angles are rounded to 0.5 degrees, which alone leaves ")
+
+
+@pytest.mark.slow
+def test_touches_that_leave_more_than_arms_miss_by_are_told():
+    """A motor that also turns the next axis, of which the robot file does not know: it passed without a
+    word."""
+    robot, data = touched("ur10", "socket", 3, count=20)
+    lines = lambda data: [w for w in ea.calibrate(robot.nominal, data).warnings if "(RMS) are left" in w]
+    assert lines(data) == []
+    angles = data.joints["q"]
+    coupled = angles.copy()
+    coupled[:, 2] += 0.03 * angles[:, 1]
+    (line,) = lines(replace(data, joints=data.joints | {"q": coupled}))
+    assert "does the robot file lack a coupling of its motors" in line
 
 
 @pytest.mark.slow

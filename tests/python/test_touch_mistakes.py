@@ -110,5 +110,8 @@ def test_distances_of_seats_that_nobody_touched_are_told():
     one_on = replace(data, contacts={**data.contacts, "socket": np.where(seats >= 0, seats + 1, seats)})
     assert any("name socket 0, 1, the rows touch 1, 2: is one numbered from 0" in line
                for line in first_aid(robot.nominal, one_on))
+    faces = replace(data, contacts={"plane": seats})
+    (line,) = unused_distances(robot.nominal, faces)
+    assert line.words.startswith("the fixture's distances are those of socket, the rows touch plane")
     some = data.select(seats != 1)  # a part of the rows, in which nothing is numbered otherwise
     assert not unused_distances(robot.nominal, some)

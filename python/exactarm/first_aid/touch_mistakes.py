@@ -38,7 +38,8 @@ Contacts = list[tuple[str, np.ndarray, np.ndarray | None]]  # sort, rows, known 
 
 
 def unused_distances(robot: Robot, data: Dataset) -> list[Suspicion]:
-    """Known distances of contacts that no row touches, while others are touched that none of them names."""
+    """Known distances of contacts that no row touches, while others are touched that none of them names, or
+    of other sorts of contacts than are touched."""
     found, listed = [], lambda numbers: ", ".join(map(str, sorted(numbers)))
     for contact in sorted({each.contact for each in data.fixture.distances} & data.contacts.keys()):
         touched = set(data.contacts[contact][data.contacts[contact] != NO_CONTACT].tolist())
@@ -48,6 +49,13 @@ def unused_distances(robot: Robot, data: Dataset) -> list[Suspicion]:
                 f"the fixture's distances name {contact} {listed(named)}, the rows touch {listed(touched)}: "
                 f"is one numbered from {min(named)}, the other from {min(touched)}? A distance of what is "
                 "not touched counts for nothing"))
+    touched = [contact for contact, numbers in data.contacts.items() if np.any(numbers != NO_CONTACT)]
+    known = sorted({each.contact for each in data.fixture.distances})
+    if known and touched and not set(known) & set(touched):
+        found.append(Suspicion(
+            f"the fixture's distances are those of {' and '.join(known)}, the rows touch "
+            f"{' and '.join(sorted(touched))}: is it another fixture file, or a column of another name? They "
+            "count for nothing"))
     return found
 
 

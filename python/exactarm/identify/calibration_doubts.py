@@ -11,6 +11,8 @@ import numpy as np
 from exactarm.data.dataset import Dataset
 from exactarm.errors import ComputationError, InputError
 from exactarm.identify.calibrate import Calibration
+from exactarm.identify.closure_scale import gravity_alone
+from exactarm.identify.judged_rows import judged_rows
 from exactarm.identify.reach import reach
 from exactarm.identify.wild_rows import MOST_SINGLE, wild_rows
 from exactarm.numerics.signals import step_of_quantisation
@@ -23,6 +25,10 @@ MOST_LEFT = 0.004
 ROUNDED = 0.5, 2.0  # of what is left: a grid of the commanded poses would leave far more than there is
 FEWEST_ROWS = 20  # of which a grid is told
 LEAST_ROUNDED_M = 2e-4  # what is left by trackers and controllers as they are
+MIXED_UP = ("are rows, columns or files mixed up, angles rounded, a column not measured, or is the device as "
+            "coarse?")
+TOUCHED = ("did the fixture move within a session, has a contact another number, does the robot file lack a "
+           "coupling of its motors, or is a length of the fixture another one?")
 FAR_FROM_DRAWING = 0.02  # of the reach: ten times what arms miss by
 
 
@@ -32,7 +38,9 @@ def doubts(declared: Robot, result: Calibration, calibrated: Calibrated) -> tupl
     left = _left_m(result)
     told = list(contradicting(data, left, MOST_LEFT * reached, lambda rows: _left_m(calibrated(rows))))
     if not data.contacts:
-        told = [*(told or much_left(left, reached)), *rounded(result.robot, data, left)]
+        told = [*(told or much_left(left, reached, MIXED_UP)), *rounded(result.robot, data, left)]
+    elif not told and not gravity_alone(data):
+        told = list(much_left(left, reached, TOUCHED))
     return (*told, *far_from_drawing(declared, result.robot))
 
 
@@ -46,7 +54,10 @@ def with_contradiction(error: InputError, robot: Robot, data: Dataset, calibrate
 
 def _left_m(result: Calibration) -> float:
     """RMS of what is left, m, a few wild rows aside."""
-    error = result.error_after[np.isfinite(result.error_after)]
+    error = result.error_after
+    if result.data.contacts and (judged := judged_rows(result.data)).any():
+        error = error[judged]
+    error = error[np.isfinite(error)]
     wild = wild_rows(error)
     return float(np.sqrt(np.mean(error[~wild if wild.mean() <= MOST_SINGLE else ...] ** 2)))
 
@@ -80,12 +91,11 @@ def contradicting(data: Dataset, left_m: float, most_m: float,
                "arm mastered anew, repaired or hit in between? Calibrate each alone")
 
 
-def much_left(left_m: float, reach_m: float) -> Iterator[str]:
+def much_left(left_m: float, reach_m: float, causes: str) -> Iterator[str]:
     """Data that no arm gives: columns or rows that do not belong together, whichever they are."""
     if left_m > MOST_LEFT * reach_m:
         yield (f"{_mm(left_m)} (RMS) are left after calibration, more than an arm that reaches "
-               f"{reach_m:.2g} m misses by: are rows, columns or files mixed up, angles rounded, a "
-               "column not measured, or is the device as coarse?")
+               f"{reach_m:.2g} m misses by: {causes}")
 
 
 def rounded(robot: Robot, data: Dataset, left_m: float) -> Iterator[str]:

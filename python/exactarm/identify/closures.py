@@ -47,6 +47,7 @@ from exactarm.measurement.contacts import CAMERA, SENSORS
 from exactarm.measurement.known_lengths import distance_errors, known_lengths
 from exactarm.measurement.partner import NAME as PARTNER
 from exactarm.measurement.target import Target
+from exactarm.numerics.regression import Fit
 from exactarm.robot.robot import Robot
 
 _STARTS = 12
@@ -72,13 +73,15 @@ GRAVITY_ALONE = (
 @dataclass(frozen=True)
 class DeclaredClosures:
     """The declared model of closures: its layout (frames, contacts and tool first), what is known beside the
-    rows, what was dropped, the fit of contacts and tool alone, and the fit of everything."""
+    rows, what was dropped, the fit of contacts and tool alone, and the fit of everything; told: what it would
+    be if what is held were exact."""
 
     layout: Layout
     pulls: Pulls
     identifiability: Identifiability
     nominal: ClosureFit
     fit: ClosureFit
+    told: Fit
 
 
 def calibrate_closures(robot: Robot, data: Dataset, options: CalibrationOptions = CalibrationOptions(),
@@ -127,7 +130,7 @@ def declare_closures(robot: Robot, data: Dataset, compliance: tuple[int, ...] | 
     start = nominal.layout.at(nominal.layout.values)
     setup = with_open_partner(start.only(range(len(start.effects) - len(carried.effects))))
 
-    def fitted(setup: Layout) -> tuple[Layout, Pulls, Identifiability, ClosureFit]:
+    def fitted(setup: Layout) -> tuple[Layout, Layout, Pulls, Identifiability, ClosureFit]:
         beside = geometry.joined(compliance_layout(robot, data, compliance)).joined(carried)
         layout, found = identifiable_closures(robot, setup, beside, data, threads)
         pulls = Pulls.of(geometry, data.fixture)
@@ -135,17 +138,18 @@ def declare_closures(robot: Robot, data: Dataset, compliance: tuple[int, ...] | 
         worth = fit.told(data)
         if worth.min() < 1.0:
             fit = fit_closures(robot, fit.layout, data, pulls, worth=worth, threads=threads)
-        return layout, pulls, found, with_held_in_doubt(fit, setup.joined(beside), data, pulls)
+        return setup.joined(beside), layout, pulls, found, fit
 
     one = fitted(setup)
     apart = _with_tools_apart(setup, data)
     if apart is not None:
         other = fitted(apart)
-        price = 0.5 * (other[0].size - one[0].size) * np.log(other[3].numbers)
-        if other[3].log_likelihood - one[3].log_likelihood > _MOUNTED_ANEW * price:
+        price = 0.5 * (other[1].size - one[1].size) * np.log(other[-1].numbers)
+        if other[-1].log_likelihood - one[-1].log_likelihood > _MOUNTED_ANEW * price:
             one = other
-    layout, pulls, found, fit = one
-    return DeclaredClosures(layout, pulls, found, nominal, fit)
+    whole, layout, pulls, found, fit = one
+    return DeclaredClosures(layout, pulls, found, nominal, with_held_in_doubt(fit, whole, data, pulls),
+                            fit.fit)
 
 
 def nominal_closures(robot: Robot, data: Dataset, carried: Layout, seed: int = 0, threads: int = 1,
@@ -339,7 +343,7 @@ def _warnings(robot: Robot, declared: DeclaredClosures, data: Dataset):
             "with the wrong number")
     if scale_is_known(fit.layout, data):
         yield from size_doubts(fit.layout, fit.fit, declared.pulls.drawing)
-        yield from scale_doubt(fit.layout, fit.fit, declared.pulls.drawing, reach(robot))
+        yield from scale_doubt(fit.layout, declared.told, declared.pulls.drawing, reach(robot))
     else:
         yield SCALE
     if gravity_alone(data):
