@@ -51,10 +51,10 @@ def test_touches_that_leave_more_than_arms_miss_by_are_told():
     robot, data = touched("ur10", "socket", 3, count=20)
     lines = lambda data: [w for w in ea.calibrate(robot.nominal, data).warnings if "(RMS) are left" in w]
     assert lines(data) == []
-    angles = data.joints["q"]
+    angles = data.joints["theta"]
     coupled = angles.copy()
     coupled[:, 2] += 0.03 * angles[:, 1]
-    (line,) = lines(replace(data, joints=data.joints | {"q": coupled}))
+    (line,) = lines(replace(data, joints=data.joints | {"theta": coupled}))
     assert "does the robot file lack a coupling of its motors" in line
 
 
