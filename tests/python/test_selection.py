@@ -21,6 +21,7 @@ from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.scan import free_mask
 from exactarm.diagnose.verdict import UNEXPLAINED
 from exactarm.effects import effect_from_table
+from exactarm.effects.gravity_compensator import GravityCompensator
 from exactarm.effects.payload import Payload
 from exactarm.numerics.orthonormal import orthonormal
 from exactarm.robot_file import load_robot
@@ -189,6 +190,16 @@ def test_springs_against_their_load_and_negative_rotors_or_payloads_are_impossib
     assert mass(-0.5 * robot.links[-1].mass).possible(robot, np.zeros(4))
     assert not mass(-30.0).possible(robot, np.ones(4)) and mass(-30.0).possible(robot, np.full(4, 20.0))
     assert not mass(3.0 * own).possible(robot, np.ones(4))
+
+
+def test_a_spring_that_carries_far_more_than_there_is_to_carry_is_impossible():
+    """460 Nm on a wrist that bears half a Nm stood for a run-out, with 1.00."""
+    robot, sure = load_robot("racer-7-1.4"), np.ones(2)
+    crank = lambda joint, size: GravityCompensator(joint, (0.0, 0.0, 0.6 * size, 0.8 * size), crank=True)
+    assert crank(2, 400.0).possible(robot, sure) and not crank(2, 4000.0).possible(robot, sure)
+    assert not crank(5, 460.0).possible(robot, sure) and crank(5, 460.0).possible(robot, 300.0 * sure)
+    assert not GravityCompensator(5, (0.0, 460.0, 0.0, 0.0)).possible(robot, sure)
+    assert crank(5, 460.0).possible(replace(robot, links=None), sure)
 
 
 @cache

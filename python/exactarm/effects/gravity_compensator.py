@@ -15,6 +15,10 @@ import numpy as np
 from exactarm.data.kinds import MOTION, TRACKED_MOTION
 from exactarm.effects.base import Change, Effect, Parameter, Station
 
+_CERTAIN = 2.0  # standard deviations
+_TIMES = 5.0  # the weight of the arm's own links: payloads and forces of processes are lifted as well
+_G_M_S2 = 9.81
+
 
 @dataclass(frozen=True)
 class GravityCompensator(Effect):
@@ -38,6 +42,15 @@ class GravityCompensator(Effect):
                 Parameter("cosine_Nm", 200.0, fixed=not self.crank),
                 Parameter("sine_Nm", 200.0, fixed=not self.crank))
 
+    def possible(self, robot, deviation) -> bool:
+        """What carries weight is no stronger than weight: a curve of the axis would pass for it else."""
+        if not robot.links or robot.generic_masses:
+            return True
+        sizes = np.abs([v for v, p in zip(self.values, self.parameters()) if not p.fixed])
+        least = np.maximum(sizes - _CERTAIN * deviation, 0.0)
+        strength = np.hypot(*least) if self.crank else max(least)
+        return bool(strength <= _TIMES * _greatest_moment(robot, self.index))
+
     def change(self, view) -> Change:
         stiffness, _, cosine, sine = self.values
         q = view.q[:, self.index]
@@ -50,3 +63,13 @@ class GravityCompensator(Effect):
     def candidates(cls, robot, view) -> Iterable[Effect]:
         known = [i for i in range(robot.axes) if not view.guessed_load(i)]
         return (cls(i + 1, (0.0,) * 4, crank) for i in known for crank in (False, True))
+
+
+def _greatest_moment(robot, index: int) -> float:
+    """Nm about an axis, at most: the links beyond it stretched out level."""
+    lever, moment = 0.0, 0.0
+    for link, joint in zip(robot.links[index:], (None, *robot.joints[index + 1 :])):
+        if joint is not None:
+            lever += float(np.hypot(joint.a, joint.d))
+        moment += link.mass * _G_M_S2 * (lever + float(np.linalg.norm(link.centre_of_mass)))
+    return moment
