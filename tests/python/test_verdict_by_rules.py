@@ -10,7 +10,14 @@ from exactarm.commands.effect_sections import in_order
 from exactarm.diagnose.dossier import Dossier
 from exactarm.diagnose.motion_problem import MotionProblem
 from exactarm.diagnose.noise import NoiseFloor
-from exactarm.diagnose.verdict import EXPLAINED, NOTHING, UNEXPLAINED, more_left_out, verdict_by_rules
+from exactarm.diagnose.verdict import (
+    EXPLAINED,
+    NOTHING,
+    UNEXPLAINED,
+    more_left_out,
+    sentence_of,
+    verdict_by_rules,
+)
 from exactarm.effects.gear_ratio import GearRatio
 from exactarm.effects.joint_coupling import JointCoupling
 from exactarm.identify.statistics import summarise
@@ -81,3 +88,15 @@ def test_a_cause_that_held_out_rows_contradict_is_said_last_and_advised_against(
     assert text.paragraphs[0].startswith("Keep your robot file")
     assert "make up for a motor that turns another axis too." in advice
     assert "also holds gear ratio of axis 2, less likely than not" in advice
+
+
+def test_a_cause_that_may_be_another_one_is_called_probable():
+    finding = lambda probability, effect: SimpleNamespace(effect=effect, probability=probability,
+                                                          contradicted=False, likelier=None)
+    sure, unsure = finding(0.99, JointCoupling(6, (4.0, 7e-4))), finding(0.6, GearRatio(2, (1e-4,)))
+    before = {name: summarise(2.0 * np.ones(20)) for name in ERRORS}
+    said = lambda found: sentence_of(EXPLAINED, found, (), before, ERRORS, Dossier((), 0.0), 1.0)
+    assert said([sure]).startswith(f"The model lacks {sure.effect.title}; with it")
+    assert said([unsure]).startswith(f"The model probably lacks {unsure.effect.title}; with it")
+    assert said([unsure, sure]).startswith(
+        f"The model lacks {sure.effect.title}, probably {unsure.effect.title}; with them")

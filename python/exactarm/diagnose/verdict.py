@@ -19,7 +19,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import special
 
-from exactarm.diagnose.decisions import DOUBT, NAMED_AT
+from exactarm.diagnose.decisions import CREDIBLE, DOUBT, NAMED_AT
 from exactarm.diagnose.dossier import Dossier
 from exactarm.diagnose.held_out_evidence import AGAINST
 from exactarm.diagnose.noise import NoiseFloor
@@ -196,9 +196,8 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
         it = "it" if len(named or asked) == 1 else "them"
         falls = (f"{'falls' if fall > 0.0 else 'rises'} by {100 * abs(fall):.0f} %"
                  if abs(fall) >= _NO_CHANGE else "does not change")
-        lacks = "The model lacks" if named else "The fitted rows ask for"
-        found = _listed(named or [f.effect.title for f in asked])
-        text = f"{lacks} {found}; with {it} the {judged} RMS error {falls}."
+        asked_for = f"The fitted rows ask for {_listed([f.effect.title for f in asked])}"
+        text = f"{_lacks(stood) if named else asked_for}; with {it} the {judged} RMS error {falls}."
         text += beside(refuted if named else (), dropped if findings else ())
         doubtful = [a for a in alternatives if a.collides]
         if doubtful:
@@ -229,6 +228,15 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
     text = "Nothing is missing: the residual of the declared model cannot be told from noise."
     return text + (f" (The fitted rows alone asked for {_listed(withdrawn)}; rows that were not fitted speak "
                    f"against {'it' if len(withdrawn) == 1 else 'them'}.)" if withdrawn else "")
+
+
+def _lacks(stood) -> str:
+    """The model and its findings, those that may be another cause last."""
+    sure = [finding.effect.title for finding in stood if finding.probability >= CREDIBLE]
+    unsure = [finding.effect.title for finding in stood if finding.probability < CREDIBLE]
+    if not sure:
+        return f"The model probably lacks {_listed(unsure)}"
+    return f"The model lacks {_listed([*sure, *(f'probably {title}' for title in unsure)])}"
 
 
 def stood_and_refuted(findings) -> tuple[list, list]:
