@@ -8,7 +8,8 @@ sd_j of the curves of its gear (known_curve.py: the prior's where the curve was 
 fit.
 
 Conformal (Vovk, Gammerman and Shafer 2005): with scores s_i = e_i' S_i^-1 e_i of m rows that chose nothing,
-the ellipsoid e' S^-1 e <= s_(k), k = ceil((m + 1) 0.95), holds a further error of the same kind with a
+e_i = (1 - H_ii)^-1 r_i their residuals as they would be with frames of the other rows (H_ii: how far the
+frames follow row i), the ellipsoid e' S^-1 e <= s_(k), k = ceil((m + 1) 0.95), holds a further error of the same kind with a
 probability of 95 % or a little more, whatever S is. It holds for poses like the judged ones; elsewhere S
 alone carries it. The error is measured minus predicted: the device's noise is in it.
 
@@ -37,6 +38,7 @@ LEVEL = 0.95
 CHI_SQUARE = 7.814727903251179  # its quantile for three degrees of freedom: that of the scores if S is right
 LEAST_ROWS = 19  # (m + 1) 0.95 <= m: with fewer rows no finite ellipsoid holds 95 %
 _LEAST_NOISE_M = 1e-9  # keeps the covariance of a simulation without noise invertible
+_MOST_FOLLOWED = 0.9  # of a row by its frames: one of a set-up of four rows says hardly anything of them
 MOST_ROWS = 4000  # that the frames are moved along by: 1 kB a row at work
 
 
@@ -74,7 +76,7 @@ def pose_uncertainty(robot: Robot, frames: Layout, data: Dataset, residual: np.n
         poses = replace(poses, session=np.full(len(poses), data.session.min()))
     moved = _Moved.by(robot, frames, data.select(_evenly(len(data))), threads)
     of_rows, _ = moved.covariance(data.select(judged))
-    error = residual[judged]
+    error = moved.left_out(data.select(judged), residual[judged])
     scores = np.einsum("ni,ni->n", error, np.linalg.solve(of_rows, error[:, :, None])[:, :, 0])
     quantile = conformal_quantile(scores)
     covariance, position = moved.covariance(poses)
@@ -178,6 +180,15 @@ class _Moved:
             parts.append((b + f @ self.along) @ self.factor)
         covariance = sum((part @ part.transpose(0, 2, 1) for part in parts), np.zeros((len(data), 3, 3)))
         return covariance + self.noise**2 * np.eye(3), prediction.position
+
+    def left_out(self, data: Dataset, residual: np.ndarray) -> np.ndarray:
+        """(N, 3) m: what residuals (N, 3) of rows that the frames are fitted to would be without them."""
+        f = predict_poses(self.robot, self.layout, data, threads=self.threads).jacobian[:, :3, self.of_frames]
+        rows = f @ self.frame_factor / self.noise
+        follows, axes = np.linalg.eigh(rows @ rows.transpose(0, 2, 1))
+        along = (axes.transpose(0, 2, 1) @ residual[:, :, None])[:, :, 0]
+        along /= 1.0 - np.minimum(follows, _MOST_FOLLOWED)
+        return (axes @ along[:, :, None])[:, :, 0]
 
 
 def _root(matrix: np.ndarray) -> np.ndarray:
