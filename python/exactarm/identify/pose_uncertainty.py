@@ -9,9 +9,9 @@ fit.
 
 Conformal (Vovk, Gammerman and Shafer 2005): with scores s_i = e_i' S_i^-1 e_i of m rows that chose nothing,
 e_i = (1 - H_ii)^-1 r_i their residuals as they would be with frames of the other rows (H_ii: how far the
-frames follow row i), the ellipsoid e' S^-1 e <= s_(k), k = ceil((m + 1) 0.95), holds a further error of the same kind with a
-probability of 95 % or a little more, whatever S is. It holds for poses like the judged ones; elsewhere S
-alone carries it. The error is measured minus predicted: the device's noise is in it.
+frames follow row i), the ellipsoid e' S^-1 e <= s_(k), k = ceil((m + 1) 0.95), holds a further error of the
+same kind with a probability of 95 % or a little more, whatever S is. It holds for poses like the judged ones;
+elsewhere S alone carries it. The error is measured minus predicted: the device's noise is in it.
 
 Without any measured rows (`model_uncertainty`, for plans and programs) S is that of the identification alone,
 in the frame of the measuring device of its first set-up: base and tool frame are among its parameters.
