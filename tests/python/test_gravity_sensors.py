@@ -251,3 +251,15 @@ def test_a_design_promises_nothing_of_angles_that_no_reading_parts(tmp_path, nam
     assert main(["design", name, "--contact", "accel", "--quiet", "--out", str(tmp_path)]) == 0
     said = "But q_offset_3_rad, q_offset_4_rad turn the sensor" in (tmp_path / "report.html").read_text()
     assert said == bool(hidden)
+
+
+@pytest.mark.parametrize("down", [1.0, -1.0])
+def test_an_inclinometer_that_always_stands_alike_is_mounted_as_it_reads(down):
+    """On a SCARA up is one direction of the flange: two axes at right angles had one of them upright."""
+    up = np.tile([0.0, 0.0, down], (12, 1)) + 1e-3 * np.random.default_rng(3).standard_normal((12, 3))
+    up /= np.linalg.norm(up, axis=1)[:, None]
+    lean = exp(np.array([0.1, -0.236, 0.4]))
+    reading = np.arcsin(up @ lean.T)[:, :2]
+    mounting = Inclinometer(1, None)._mounted(up, reading, None)
+    np.testing.assert_allclose(mounting @ mounting.T, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(np.arcsin(up @ mounting.T)[:, :2], reading, atol=5e-3)

@@ -151,10 +151,15 @@ class Inclinometer(GravitySensor):
         return np.arcsin(sine) + (v[:, :2] - sine) * by_v[:, range(2), range(2)], by_v
 
     def _mounted(self, up, reading, data):
-        two = lstsq(up, np.sin(reading), rcond=None)[0].T
-        u, _, vt = svd(two, full_matrices=False)
+        """Of an arm that turns about the vertical alone `up` is one direction, which says nothing of two
+        axes: then one of the mountings whose third axis points up, or down, throughout."""
+        level = np.sin(reading)
+        u, _, vt = svd(lstsq(up, level, rcond=None)[0].T, full_matrices=False)
         x, y = u @ vt
-        return np.stack([x, y, np.cross(x, y)])
+        third = np.sqrt(np.maximum(1.0 - np.sum(level**2, axis=1, keepdims=True), 0.0))
+        found = [np.stack([x, y, np.cross(x, y)])]
+        found += [nearest(np.hstack([level, sign * third]).T @ up) for sign in (1.0, -1.0)]
+        return min(found, key=lambda mounting: float(np.linalg.norm(level - up @ mounting[:2].T)))
 
 
 @dataclass(frozen=True)
