@@ -7,6 +7,7 @@ import pytest
 
 from exactarm.chain import Layout
 from exactarm.commands import diagnose as command
+from exactarm.commands.calibrate import calibrate
 from exactarm.identify.closures import calibrate_closures, declare_closures, nominal_closures
 from exactarm.identify.length_doubt import length_doubts
 from exactarm.measurement.closures import touches
@@ -82,8 +83,11 @@ def test_one_wrong_distance_among_right_ones_is_told():
     right = replace(data, fixture=replace(data.fixture, distances=tuple(apart)))
     assert doubts(robot, right) == []
     apart[0] = replace(apart[0], length=apart[0].length + 1e-3)
-    (line,) = doubts(robot, replace(data, fixture=replace(data.fixture, distances=tuple(apart))))
+    wrong = replace(data, fixture=replace(data.fixture, distances=tuple(apart)))
+    (line,) = doubts(robot, wrong)
     assert line.startswith("socket 0 to 1 of session 1: the touches say") and "wrong one" not in line
+    advice = lambda data: str(calibrate(robot.nominal, data).report)
+    assert "is not to be used" in advice(wrong) and "is not to be used" not in advice(right)
 
 
 @pytest.mark.slow

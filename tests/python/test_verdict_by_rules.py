@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from exactarm.commands.diagnose_report import _next, _why
+from exactarm.commands.diagnose_report import _next, _pays, _why
 from exactarm.commands.effect_sections import in_order
 from exactarm.diagnose.dossier import Dossier
 from exactarm.diagnose.motion_problem import MotionProblem
@@ -100,3 +100,12 @@ def test_a_cause_that_may_be_another_one_is_called_probable():
     assert said([unsure]).startswith(f"The model probably lacks {unsure.effect.title}; with it")
     assert said([unsure, sure]).startswith(
         f"The model lacks {sure.effect.title}, probably {unsure.effect.title}; with them")
+
+
+def test_what_may_be_another_cause_and_changes_no_error_is_no_reason_for_another_robot_file():
+    """"Use robot.toml" stood beside a run-out of 0.58 with which the error stayed what it was."""
+    error = lambda rms: {name: summarise(rms * np.ones(20)) for name in ERRORS}
+    result = lambda probability, rms: SimpleNamespace(findings=(SimpleNamespace(probability=probability),),
+                                                      before=error(1.0), after=error(rms))
+    assert _pays(result(0.58, 0.9)) and _pays(result(0.999, 0.998))
+    assert not _pays(result(0.58, 0.998)) and not _pays(result(0.999, 1.001))

@@ -124,7 +124,7 @@ def calibrate(robot: AnyRobot, data: AnyData, *, use: Literal["auto", "position"
     call = asked("calibrate", robot, rows, seed, given, {"use": "auto", "compliance": None, "robust": None})
     made = CommandResult(
         json=_json(result),
-        report=_report(declared, rows, result, rows.split_rule(), bool(doubted)),
+        report=_report(declared, rows, result, rows.split_rule(), bool(doubted) or result.length_doubted),
         robot=recorded(result.robot, call),
         tables={"residuals.csv": residual_table(result.data, result.identification, result.error_before,
                                                 result.residual_after)},

@@ -22,6 +22,7 @@ from exactarm.commands.measure_more import measure_more, to_tell_noise, wild_els
 from exactarm.commands.next_steps import HEADING
 from exactarm.data.kinds import kind_of
 from exactarm.diagnose.contribution import Contribution
+from exactarm.diagnose.decisions import CREDIBLE
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.diagnose.dossier import Dossier
 from exactarm.diagnose.held_out_evidence import AGAINST
@@ -30,6 +31,7 @@ from exactarm.diagnose.verdict import (
     NOTHING,
     UNEXPLAINED,
     beside,
+    falls,
     remains,
     spoken_against,
     stood_and_refuted,
@@ -66,9 +68,12 @@ def report_of(robot: Robot, results: list[Diagnosis], rule: str, skipped: list[s
 
 
 def _pays(result: Diagnosis) -> bool:
-    """Whether the causes found lower the error of rows that were never fitted."""
+    """Whether the causes found lower the error of rows that were never fitted: by anything, if they are
+    sure."""
     judged = "validation" if result.after["validation"].n else "identification"
-    return result.after[judged].rms < result.before[judged].rms
+    sure = all(finding.probability >= CREDIBLE for finding in result.findings)
+    return falls(result.before, result.after) or (
+        sure and result.after[judged].rms < result.before[judged].rms)
 
 
 def found_effects(result: Diagnosis) -> list[tuple[Finding, Contribution | None]]:
@@ -89,7 +94,7 @@ def verdict_of(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contr
     lacks = {finding.effect.label for finding in named}
     lacked = [pair for pair in found if pair[0].effect.label in lacks]
     text = (
-        f"The model lacked {causes_in_words(result, lacked, robot.axes)}. With this in it the RMS error on "
+        f"The model {causes_in_words(result, lacked, robot.axes)}. With this in it the RMS error on "
         f"{whose} {change(before, after, result.unit)}{_many_left_out(result, judged)}."
         f"{beside(refuted, result.dropped)}")
     doubtful = [a for a in result.alternatives if a.collides]

@@ -9,7 +9,7 @@ import numpy as np
 
 from exactarm.data.kinds import kind_of
 from exactarm.diagnose.contribution import Contribution
-from exactarm.diagnose.decisions import NAMED_AT
+from exactarm.diagnose.decisions import CREDIBLE, NAMED_AT
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.effects.axis_units import slides
 from exactarm.effects.base import Effect
@@ -76,12 +76,15 @@ def rows_left_out(result: Diagnosis, finding: Finding) -> Quantity | None:
 
 def causes_in_words(result: Diagnosis, found: Sequence[tuple[Finding, Contribution | None]],
                     axes: int) -> str:
-    """All causes in one phrase, the largest at the tool first; like ones of several axes together."""
+    """What the model lacked, in one phrase, the largest at the tool first, like ones of several axes
+    together; what may be another cause is called probable."""
     groups: dict[str, list[tuple[Finding, Contribution | None]]] = {}
     for finding, contribution in found:
         groups.setdefault(finding.effect.in_plain_words_on(result.robot), []).append((finding, contribution))
     size = lambda members: max((c.at_tool or 0.0 for _, c in members if c is not None), default=0.0)
     told = dict(zip(groups, quantities([size(members) for members in groups.values()], "m")))
+    probable = {words for words, members in groups.items()
+                if min(finding.probability for finding, _ in members) < CREDIBLE}
     phrases = []
     for words, members in sorted(groups.items(), key=lambda item: -size(item[1])):
         # Of a displacement the width along one turn holds what geometry makes up for, too.
@@ -94,9 +97,10 @@ def causes_in_words(result: Diagnosis, found: Sequence[tuple[Finding, Contributi
         sizes += [f"{result.excluded} rows, {quantity(left.value, 'm')} off in the median"
                   if result.excluded > 1 else f"1 row, {quantity(left.value, 'm')} off"
                   for finding, _ in members if (left := rows_left_out(result, finding))]
-        phrases.append(words + on_axes([f.effect.joint for f, _ in members], axes)
+        sure = "" if words not in probable or len(probable) == len(groups) else "probably "
+        phrases.append(sure + words + on_axes([f.effect.joint for f, _ in members], axes)
                        + (f" ({', '.join(sizes)})" if sizes else ""))
-    return "; ".join(phrases)
+    return f"{'probably ' if len(probable) == len(groups) else ''}lacked {'; '.join(phrases)}"
 
 
 def effects_table(result: Diagnosis, found: Sequence[tuple[Finding, Contribution | None]]) -> Table:

@@ -43,11 +43,11 @@ def to_improve(kind: Kind) -> Text:
 def next_steps(robot: Robot, kind: Kind, before: float, after: float, worse: bool = False,
                doubted: bool = False) -> Text:
     """before, after: errors of the rows that judge; worse: a warning says that the model is, all the same;
-    doubted: one says that no arm is like that."""
+    doubted: one says that no arm is like that, or no fixture."""
     lines = []
     if doubted:
-        lines.append("Look first at what the warnings name: no arm is like that. Until it is explained "
-                     "`robot.toml` of this folder is not to be used.")
+        lines.append("Look first at what the warnings name: no arm, or no fixture, is like that. Until it is "
+                     "explained `robot.toml` of this folder is not to be used.")
     elif worse:
         lines.append("Look at the largest errors before `robot.toml` of this folder is used: are these rows "
                      "right, and is the arm measured well around them?")

@@ -160,6 +160,12 @@ def rises(before, after) -> bool:
     return after["validation"].rms > (1.0 + _NO_CHANGE) * before["validation"].rms
 
 
+def falls(before, after) -> bool:
+    """Whether the error that judges is smaller with the effects than without."""
+    judged = "validation" if after["validation"].n else "identification"
+    return after[judged].rms < (1.0 - _NO_CHANGE) * before[judged].rms
+
+
 def carries_badly(excess: float) -> bool:
     """Whether held-out rows err so much more than the fit lets expect that the fit says little of them."""
     return excess > _CARRIES_OVER

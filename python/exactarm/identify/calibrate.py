@@ -90,6 +90,7 @@ class Calibration:
     identifiability: Identifiability
     orientation: bool
     warnings: tuple[str, ...] = field(default=())
+    length_doubted: bool = False  # of a fixture: a warning says which, and what the touches say
     beside_before: dict[str, dict[str, float]] = field(default_factory=dict)
     beside_after: dict[str, dict[str, float]] = field(default_factory=dict)
     drawn: Drawn = FREE

@@ -104,6 +104,7 @@ def calibrate_closures(robot: Robot, data: Dataset, options: CalibrationOptions 
     beside = lambda each, errors: {name: other_errors(robot, each.layout, rows, errors, mask, options.threads)
                                    for name, mask in parts.items()}
     new = kept_masses(updated_robot(robot, train, fit), drawn)
+    lengths = length_doubts(fit, train, declared.pulls, options.threads)
     return Calibration(robot=new,
                        fit=fit, data=rows, identification=rows.identification, error_before=before.error(),
                        error_after=after.error(), residual_after=after.seen,
@@ -113,8 +114,8 @@ def calibrate_closures(robot: Robot, data: Dataset, options: CalibrationOptions 
                        orientation=fit.prediction.used.shape[1] == 6,
                        beside_before=beside(declared.nominal, before),
                        beside_after=beside(fit, after),
-                       warnings=(*_warnings(robot, declared, train),
-                                 *length_doubts(fit, train, declared.pulls, options.threads),
+                       length_doubted=bool(lengths),
+                       warnings=(*_warnings(robot, declared, train), *lengths,
                                  *gross_corner_warning(data), *unjudged_lines(rows),
                                  *partner_warnings(fit, train, declared.pulls, options.threads)))
 
