@@ -200,6 +200,10 @@ def test_a_spring_that_carries_far_more_than_there_is_to_carry_is_impossible():
     assert not crank(5, 460.0).possible(robot, sure) and crank(5, 460.0).possible(robot, 300.0 * sure)
     assert not GravityCompensator(5, (0.0, 460.0, 0.0, 0.0)).possible(robot, sure)
     assert crank(5, 460.0).possible(replace(robot, links=None), sure)
+    lift = robot.with_joint(2, type="prismatic")  # in N: all that is beyond it
+    beyond = 9.81 * sum(link.mass for link in robot.links[2:])
+    spring = lambda size: GravityCompensator(3, (0.0, size, 0.0, 0.0))
+    assert spring(4.9 * beyond).possible(lift, 0.0 * sure) and not spring(5.1 * beyond).possible(lift, sure)
 
 
 @cache

@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from exactarm.data.kinds import MOTION, TRACKED_MOTION
+from exactarm.effects.axis_units import slides
 from exactarm.effects.base import Change, Effect, Parameter, Station
 
 _CERTAIN = 2.0  # standard deviations
 _TIMES = 5.0  # the weight of the arm's own links: payloads and forces of processes are lifted as well
-_G_M_S2 = 9.81
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class GravityCompensator(Effect):
         sizes = np.abs([v for v, p in zip(self.values, self.parameters()) if not p.fixed])
         least = np.maximum(sizes - _CERTAIN * deviation, 0.0)
         strength = np.hypot(*least) if self.crank else max(least)
-        return bool(strength <= _TIMES * _greatest_moment(robot, self.index))
+        return bool(strength <= _TIMES * _greatest_load(robot, self.index))
 
     def change(self, view) -> Change:
         stiffness, _, cosine, sine = self.values
@@ -65,11 +65,11 @@ class GravityCompensator(Effect):
         return (cls(i + 1, (0.0,) * 4, crank) for i in known for crank in (False, True))
 
 
-def _greatest_moment(robot, index: int) -> float:
-    """Nm about an axis, at most: the links beyond it stretched out level."""
-    lever, moment = 0.0, 0.0
+def _greatest_load(robot, index: int) -> float:
+    """Nm about an axis, N along a sliding one, at most: the links beyond it stretched out, or lifted."""
+    lever, load, lifts = 0.0, 0.0, slides(robot, index + 1)
     for link, joint in zip(robot.links[index:], (None, *robot.joints[index + 1 :])):
         if joint is not None:
             lever += float(np.hypot(joint.a, joint.d))
-        moment += link.mass * _G_M_S2 * (lever + float(np.linalg.norm(link.centre_of_mass)))
-    return moment
+        load += link.mass * (1.0 if lifts else lever + float(np.linalg.norm(link.centre_of_mass)))
+    return load * float(np.linalg.norm(robot.gravity))
