@@ -47,7 +47,7 @@ def test_rounded_readings_are_told_with_their_step(ur10):
 @pytest.mark.slow
 def test_touches_that_leave_more_than_arms_miss_by_are_told():
     """A motor that also turns the next axis, of which the robot file does not know: it passed without a
-    word."""
+    word. The seed is the first tried."""
     robot, data = touched("ur10", "socket", 3, count=20)
     lines = lambda data: [w for w in ea.calibrate(robot.nominal, data).warnings if "(RMS) are left" in w]
     assert lines(data) == []

@@ -193,7 +193,7 @@ def test_springs_against_their_load_and_negative_rotors_or_payloads_are_impossib
 
 
 def test_a_spring_that_carries_far_more_than_there_is_to_carry_is_impossible():
-    """460 Nm on a wrist that bears half a Nm stood for a run-out, with 1.00."""
+    """On a wrist that bears half a Nm a spring stood for a run-out (bench/blind, tracked motion 96007)."""
     robot, sure = load_robot("racer-7-1.4"), np.ones(2)
     crank = lambda joint, size: GravityCompensator(joint, (0.0, 0.0, 0.6 * size, 0.8 * size), crank=True)
     assert crank(2, 400.0).possible(robot, sure) and not crank(2, 4000.0).possible(robot, sure)

@@ -103,7 +103,7 @@ def test_a_cause_that_may_be_another_one_is_called_probable():
 
 
 def test_what_may_be_another_cause_and_changes_no_error_is_no_reason_for_another_robot_file():
-    """"Use robot.toml" stood beside a run-out of 0.58 with which the error stayed what it was."""
+    """"Use robot.toml" stood beside a run-out little likelier than not, with which the error stayed."""
     error = lambda rms: {name: summarise(rms * np.ones(20)) for name in ERRORS}
     result = lambda probability, rms: SimpleNamespace(findings=(SimpleNamespace(probability=probability),),
                                                       before=error(1.0), after=error(rms))

@@ -269,7 +269,7 @@ def _report(robot: Robot, data: Dataset, result: Calibration, rule: str, doubted
         *_placement_table(result), *_parameter_sections(robot, result),
         dropped_table(result.identifiability.dropped), Warnings(result.warnings))
     return Report(f"Calibration of {robot.name}", verdict, sections,
-                  "good" if after.mean < before.mean else "caution")
+                  "good" if after.mean < before.mean and not doubted else "caution")
 
 
 def _held_springs(robot: Robot, result: Calibration) -> str:

@@ -70,10 +70,8 @@ def report_of(robot: Robot, results: list[Diagnosis], rule: str, skipped: list[s
 def _pays(result: Diagnosis) -> bool:
     """Whether the causes found lower the error of rows that were never fitted: by anything, if they are
     sure."""
-    judged = "validation" if result.after["validation"].n else "identification"
     sure = all(finding.probability >= CREDIBLE for finding in result.findings)
-    return falls(result.before, result.after) or (
-        sure and result.after[judged].rms < result.before[judged].rms)
+    return falls(result.before, result.after) or sure and falls(result.before, result.after, 0.0)
 
 
 def found_effects(result: Diagnosis) -> list[tuple[Finding, Contribution | None]]:

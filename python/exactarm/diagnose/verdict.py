@@ -160,10 +160,10 @@ def rises(before, after) -> bool:
     return after["validation"].rms > (1.0 + _NO_CHANGE) * before["validation"].rms
 
 
-def falls(before, after) -> bool:
-    """Whether the error that judges is smaller with the effects than without."""
+def falls(before, after, least: float = _NO_CHANGE) -> bool:
+    """Whether the error that judges is smaller with the effects than without, by more than this share."""
     judged = "validation" if after["validation"].n else "identification"
-    return after[judged].rms < (1.0 - _NO_CHANGE) * before[judged].rms
+    return after[judged].rms < (1.0 - least) * before[judged].rms
 
 
 def carries_badly(excess: float) -> bool:

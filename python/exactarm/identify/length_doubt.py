@@ -53,10 +53,10 @@ def length_doubts(fit: ClosureFit, data: Dataset, pulls: Pulls, threads: int = 1
     rows = np.array([row for *_, row, _ in found])
     covariance = rows @ anew.fit.covariance @ rows.T + np.diag([sigma**2 for *_, sigma in found])
     inverse = np.linalg.inv(covariance)
-    ways = ((apart, np.diag(covariance) ** 0.5, _DOUBTED),
-            (inverse @ apart / np.diag(inverse), np.diag(inverse) ** -0.5, _DOUBTED_BESIDE))
+    ways = ((apart, np.diag(covariance) ** 0.5, _DOUBTED, False),
+            (inverse @ apart / np.diag(inverse), np.diag(inverse) ** -0.5, _DOUBTED_BESIDE, True))
     lines: dict[str, str] = {}
-    for off, deviation, least in ways:
+    for off, deviation, least, by_others in ways:
         if lines:  # what others say is worth nothing beside them
             break
         deviation = np.hypot(deviation, anew.sigma_position)
@@ -65,9 +65,8 @@ def length_doubts(fit: ClosureFit, data: Dataset, pulls: Pulls, threads: int = 1
             sort, words, _, known, *_ = found[k]
             if doubts[k] > least and sort not in lines and known - off[k] < 2.0 * reach(fit.robot):
                 same = [found[i][1] for i in np.flatnonzero(doubts > _AS_GOOD * doubts[k])
-                        if i != k and found[i][0] == sort]
-                lines[sort] = _line(sort, words, known - off[k], deviation[k], known,
-                                    same if least == _DOUBTED_BESIDE else [])
+                        if by_others and i != k and found[i][0] == sort]
+                lines[sort] = _line(sort, words, known - off[k], deviation[k], known, same)
     return tuple(lines.values())
 
 
