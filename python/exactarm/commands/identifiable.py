@@ -47,8 +47,8 @@ from exactarm.design.pose_space import Box, PoseSpace
 from exactarm.effects.parameter_id import Group, ParameterId
 from exactarm.errors import InputError
 from exactarm.first_aid.first_aid import with_cause
-from exactarm.identify.closure_fit import Pulls, expected_deviations
-from exactarm.identify.closure_scale import gravity_alone, scale_is_known
+from exactarm.identify.closure_fit import Pulls
+from exactarm.identify.closure_scale import expected_deviations, gravity_alone, scale_is_known
 from exactarm.identify.closures import (
     GRAVITY_ALONE,
     SCALE,
@@ -181,7 +181,7 @@ def _closures(robot: Robot, data: Dataset, noise: float,
     beside = geometry_layout(robot).joined(compliance_layout(robot, data))
     setup = with_open_partner(nominal.layout)
     layout, found = identifiable_closures(robot, setup, beside, data, arguments.threads)
-    deviations = expected_deviations(robot, layout, data, noise,
+    deviations = expected_deviations(robot, layout, setup.joined(beside), data, noise,
                                      Pulls.of(geometry_layout(robot), data.fixture), arguments.threads)
     known = dict(zip(layout.names, deviations))
     found = replace(found, sigma_parameter=np.array([known.get(name, np.nan) for name in found.names]))

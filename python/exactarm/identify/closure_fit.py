@@ -189,15 +189,6 @@ def fit_closures(robot: Robot, layout: Layout, data: Dataset, pulls: Pulls, *, k
     return ClosureFit(robot, layout, done, noise, prediction, sigma, weight, worth)
 
 
-def expected_deviations(robot: Robot, layout: Layout, data: Dataset, sigma: float, pulls: Pulls,
-                        threads: int = 1) -> np.ndarray:
-    """(P,) standard deviations of the free parameters that touches good to `sigma` (m or rad) let expect."""
-    jacobian = predict_closures(robot, layout, data,
-                                threads=threads).jacobian.reshape(-1, layout.size) / sigma
-    pull = pulls.rows(layout)[0]
-    return np.sqrt(np.diag(_pseudo_inverse(jacobian.T @ jacobian + pull.T @ pull)))
-
-
 def _inner(robot, layout, data, pulls, prediction, scale, bounds, threads,
            tolerance) -> tuple[Fit, ClosurePrediction]:
     """Weighted least squares from the `prediction` of the layout, at fixed weights and variances, and fixed
@@ -296,11 +287,11 @@ def _likeliest_sigma(square: float, redundancy: float) -> float:
 def _leverage(prediction: ClosurePrediction, scale: np.ndarray, pull: np.ndarray) -> np.ndarray:
     """(N, m) how much of each number its own measurement decides."""
     rows = (scale[:, :, None] * prediction.jacobian).reshape(scale.size, pull.shape[1])
-    solved = _pseudo_inverse(rows.T @ rows + pull.T @ pull)
+    solved = pseudo_inverse(rows.T @ rows + pull.T @ pull)
     return variances(rows, solved).reshape(scale.shape)
 
 
-def _pseudo_inverse(matrix: np.ndarray) -> np.ndarray:
+def pseudo_inverse(matrix: np.ndarray) -> np.ndarray:
     scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     return linalg.pinvh(matrix / np.outer(scale, scale), rtol=1e-12) / np.outer(scale, scale)
 
@@ -326,11 +317,11 @@ def _finished(fit, prediction, sigma, keep, worth, weight, pull, tail, settled) 
     few = 1.0 + (numbers - freedom) / max(numbers, 1) * float((slopes - slope) ** 2 @ each) / slope**2
     spread = few**2 * float(np.sum(worth[:, None] * psi**2)) / freedom
     information = slope**2 / max(spread, _EXACT) * rows.T @ rows
-    covariance = _pseudo_inverse(information + pull.T @ pull)
+    covariance = pseudo_inverse(information + pull.T @ pull)
     gradient = rows.T @ (np.sqrt(worth)[:, None] * psi).ravel() + pull.T @ tail
     free = ~fit.at_bound
     hessian = slope * rows.T @ rows + pull.T @ pull
-    inner = _pseudo_inverse(hessian[np.ix_(free, free)])
+    inner = pseudo_inverse(hessian[np.ix_(free, free)])
     decrement = float(gradient[free] @ inner @ gradient[free]) if free.any() else 0.0
     unbounded = np.stack([fit.x, np.sqrt(np.diag(covariance))])
     unbounded = beyond_bounds(unbounded, hessian, gradient, fit.at_bound, spread / slope)
