@@ -64,17 +64,27 @@ def length_doubts(fit: ClosureFit, data: Dataset, pulls: Pulls, threads: int = 1
         for k in np.argsort(-doubts, kind="stable"):
             sort, words, _, known, *_ = found[k]
             if doubts[k] > least and sort not in lines and known - off[k] < 2.0 * reach(fit.robot):
-                same = [found[i][1] for i in np.flatnonzero(doubts > _AS_GOOD * doubts[k])
-                        if by_others and i != k and found[i][0] == sort]
-                lines[sort] = _line(sort, words, known - off[k], deviation[k], known, same)
+                enough = _AS_GOOD * doubts[k] if by_others else least
+                same = [found[i][1] for i in np.flatnonzero(doubts > enough)
+                        if i != k and found[i][0] == sort]
+                lines[sort] = (_line(sort, words, known - off[k], deviation[k], known)
+                               + _beside(same, by_others))
     return tuple(lines.values())
 
 
-def _line(sort: str, words: str, said: float, sd: float, known: float, rivals: list[str]) -> str:
+def _line(sort: str, words: str, said: float, sd: float, known: float) -> str:
     is_twice = sort == "radius" and abs(known / max(said, 1e-12) / 2.0 - 1.0) < _TWICE
     return (f"{words}: the touches say {1e3 * said:.4g} mm ± {1e3 * sd:.2g} mm, expected {known * 1e3:.4g} mm"
-            + ("; is a diameter given for a radius?" if is_twice else "")
-            + (f"; or {' or '.join(rivals)} is the wrong one" if rivals else ""))
+            + ("; is a diameter given for a radius?" if is_twice else ""))
+
+
+def _beside(others: list[str], rivals: bool) -> str:
+    """Others of the sort that may be the wrong one instead, or that are wrong as well."""
+    if not others:
+        return ""
+    if rivals:
+        return f"; or {' or '.join(others)} is the wrong one"
+    return f"; as doubtful: {', '.join(others)}"
 
 
 def _released(effect, free: np.ndarray):
