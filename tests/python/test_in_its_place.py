@@ -1,5 +1,7 @@
 """The set of an effect that was found step by step: itself and its rivals, never more than one in all."""
 
+from dataclasses import replace
+
 import pytest
 
 from exactarm.diagnose.scan import Candidate
@@ -29,6 +31,16 @@ def test_rivals_share_what_is_left_by_their_evidence(probability, rivals, member
     assert {name: sure for name, _, sure in found} == pytest.approx(members, abs=1e-4)
     assert sum(sure for *_, sure in found) <= 1.0 + 1e-12
     assert found[0][:2] == ("gear_ratio", 2)
+
+
+@pytest.mark.parametrize("share, members", [
+    (0.6, {"gear_ratio": 0.54, "unknown": 0.4, "backlash": 0.06}),
+    (0.3, {"unknown": 0.7, "gear_ratio": 0.27}),
+])
+def test_what_the_library_lacks_is_in_the_set(share, members):
+    """It stood beside probabilities of 0.59 as sets of 0.92 (KR300), without what takes the rest."""
+    found = replace(accepted(0.9, (OTHER, 1.0)), share=share).in_its_place()
+    assert {name: sure for name, _, sure in found} == pytest.approx(members, abs=1e-4)
 
 
 def test_what_the_posterior_says_stands():

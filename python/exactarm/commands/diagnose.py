@@ -39,8 +39,8 @@ from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.diagnose.diagnosis import diagnose as find_causes
 from exactarm.diagnose.draft import Draft
 from exactarm.diagnose.not_noise import probability_of as probability_not_noise
-from exactarm.diagnose.posterior import UNKNOWN, Causes
-from exactarm.diagnose.selected import Accepted
+from exactarm.diagnose.posterior import Causes
+from exactarm.diagnose.selected import UNKNOWN, Accepted
 from exactarm.diagnose.signal import LOAD
 from exactarm.diagnose.verdict import UNEXPLAINED, remains, stood_and_refuted
 from exactarm.errors import InputError

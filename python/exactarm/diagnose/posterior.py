@@ -26,7 +26,7 @@ from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import Candidate
 from exactarm.diagnose.search import CERTAIN, Posterior, log_prior_of_count, weight_of
 from exactarm.diagnose.search_round import MOST_AT_ONCE, At, Found, score_of, search_round
-from exactarm.diagnose.selected import Accepted, Selection
+from exactarm.diagnose.selected import UNKNOWN, Accepted, Selection
 from exactarm.diagnose.self_test import SelfTest, self_test
 from exactarm.diagnose.signal import Structure
 from exactarm.diagnose.vocabulary import UNKNOWN_MASS, Vocabulary, at_values, vocabulary_of
@@ -34,7 +34,6 @@ from exactarm.effects.base import Effect
 from exactarm.noise.estimate import log_likelihood_under
 from exactarm.noise.model import NoiseModel
 
-UNKNOWN = "unknown"  # in the place of a name, for a cause that the library lacks
 _ROUNDS = 4  # of search beside what has been found
 _MOST_REFUSED = 3  # best sets that only fit their own rows: others are looked for without them
 

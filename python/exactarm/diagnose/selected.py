@@ -12,6 +12,8 @@ from exactarm.diagnose.scan import Candidate
 from exactarm.diagnose.signal import Structure
 from exactarm.effects.base import Effect
 
+UNKNOWN = "unknown"  # in the place of a name, for a cause that the library lacks
+
 
 @dataclass(frozen=True)
 class Accepted:
@@ -31,7 +33,8 @@ class Accepted:
     likelier: Structure | None = None
 
     def in_its_place(self) -> tuple[tuple[str, int | None, float], ...]:
-        """The credible set; of effects found step by step, itself and, by their evidence, its rivals."""
+        """The credible set; of effects found step by step, itself, by their evidence its rivals, and what
+        the library lacks."""
         if self.credible_set:
             return self.credible_set
         own = self.effect.name, self.effect.joint
@@ -42,9 +45,11 @@ class Accepted:
                 sure = self.probability * float(np.exp(min(rival.evidence - self.evidence, 0.0)))
                 others[place] = others.get(place, 0.0) + sure
         left = min(1.0, (1.0 - self.probability) / max(sum(others.values()), np.finfo(float).tiny))
-        both = {own: self.probability} | {place: left * sure for place, sure in others.items()}
+        named = {own: self.probability} | {place: left * sure for place, sure in others.items()}
+        each = {place: self.share * sure for place, sure in named.items()}
+        each[UNKNOWN, None] = (1.0 - self.share) * sum(named.values())
         found: list[tuple[str, int | None, float]] = []
-        for (name, joint), sure in sorted(both.items(), key=lambda one: -one[1]):
+        for (name, joint), sure in sorted(each.items(), key=lambda one: -one[1]):
             if not found or sure >= DOUBT and sum(probability for *_, probability in found) < CREDIBLE:
                 found.append((name, joint, sure))
         return tuple(found)
