@@ -64,6 +64,18 @@ def test_compliance_is_never_negative_and_its_bound_is_told(arm):
                for warning in result.warnings)
 
 
+def test_a_soft_spring_that_stands_out_of_the_noise_is_no_noise(arm):
+    """80 urad/Nm under a coarse camera: known to 10, more than the 5 that are plausible for a spring, but
+    eight times as large all the same; it was dropped. The seed follows that of the tests beside it."""
+    rng, noise = np.random.default_rng(49), 2e-3
+    spring = Layout.of((JointCompliance(3, (8e-5, 0.0)),), estimate=False)
+    data = measured(arm, [at_random_place(arm, rng)], [joints_in_limits(arm, 80, rng)], noise, rng,
+                    layout=spring, **all_identify(80))
+    result = calibrate(arm, data, CalibrationOptions(orientation=False, compliance=(3,)))
+    low, high = dict(zip(map(str, result.names), result.intervals))["joint_compliance_3.linear_rad_per_Nm"]
+    assert high - low > 2 * 1.96 * 5e-6 and 3e-5 < low < 8e-5 < high
+
+
 def test_an_arm_that_hangs_from_the_ceiling_is_asked_for_its_gravity(arm):
     """Its springs give way the other way: what a file that stands on the floor says is asked after."""
     rng = np.random.default_rng(48)

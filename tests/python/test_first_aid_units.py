@@ -12,11 +12,13 @@ from scipy.spatial.transform import Rotation
 import exactarm as ea
 from exactarm.first_aid.clock_drift import lags
 from exactarm.first_aid.first_aid import first_aid
+from exactarm.first_aid.pose_candidates import MIRRORED
 from exactarm.identify.evaluate import evaluate_poses
 from exactarm.identify.match import Mismatch
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, measure_poses
 from exactarm.simulate.profiles import limit
+from set_ups import at_random_place, joints_in_limits, measured
 from test_first_aid import (  # noqa: F401
     column,
     kr300,
@@ -139,6 +141,38 @@ def test_a_mistake_in_shipped_data_is_told(request, arm, name):
     change, words = MADE[arm][name]
     found = first_aid(robot, change(data))
     assert found and words in found[0], found
+
+
+def of_the_link_before(robot):
+    """The table as Craig writes it: a and alpha in the row of the next axis."""
+    before = (robot.joints[0], *robot.joints[:-1])
+    rows = zip(robot.joints, before, range(robot.axes))
+    return replace(robot, joints=tuple(
+        replace(joint, a=other.a if i else 0.0, alpha=other.alpha if i else 0.0, beta=None)
+        for joint, other, i in rows))
+
+
+@pytest.mark.parametrize("name", ["racer-7-1.4", "ur10"])
+def test_a_table_of_the_other_convention_is_told(name):
+    """An arm of another table altogether ("another robot") was all that was said."""
+    robot, random = load_robot(name), np.random.default_rng(2)
+    data = measured(robot, [at_random_place(robot, random)], [joints_in_limits(robot, 60, random)], 1e-4,
+                    random)
+    assert first_aid(robot, data) == ()
+    found = first_aid(of_the_link_before(robot), data)
+    assert found and "a table whose rows hold a and alpha of the link before" in found[0], found
+
+
+def test_a_left_handed_device_before_an_arm_that_its_mirror_image_matches_is_told():
+    """With the signs of axes 1, 4 and 6, which alone were named: of a wrist without offsets they do the
+    same, orientations included."""
+    robot, random = load_robot("racer-7-1.4"), np.random.default_rng(3)
+    data = measured(robot, [at_random_place(robot, random)], [joints_in_limits(robot, 60, random)], 1e-4,
+                    random, noise_rad=1e-4)
+    mirror = np.array([1.0, -1.0, 1.0])
+    left = replace(data, position=data.position * mirror, rotation=data.rotation * np.outer(mirror, mirror))
+    found = first_aid(robot, left)
+    assert "the opposite sign of axes 1, 4 and 6" in found[0] and MIRRORED in found[0], found
 
 
 def test_a_motion_of_another_robot_is_told_by_name(tx40):  # noqa: F811

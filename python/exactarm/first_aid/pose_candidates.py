@@ -2,8 +2,8 @@
 that it means.
 
 Angles: units, signs, exchanged columns, zeros, coupled axes, motor or joint side. Device: units, a mirrored
-frame, rows beside the wrong angles, the convention of orientations. Robot: another size, another robot that
-is shipped. `pose_mistakes` judges them.
+frame, rows beside the wrong angles, the convention of orientations. Robot: another size, a table of the
+other convention, another robot that is shipped. `pose_mistakes` judges them.
 """
 
 from collections.abc import Callable, Iterator
@@ -30,6 +30,9 @@ _TURN = 2.0 * np.pi
 _DEGREE = np.pi / 180.0
 _GON = 0.9  # degrees
 _ALL_COLUMNS = "xyz"
+_OF_THE_LINK_BEFORE = ("a table whose rows hold a and alpha of the link before the axis (Craig's convention; "
+                       "in a robot file they are those of the link behind it)")
+_MIRROR = np.array([1.0, 1.0, -1.0])
 MIRRORED = "one of x, y, z with the opposite sign, or two of them exchanged"
 
 Candidate = tuple[str, Robot, Dataset]
@@ -43,11 +46,20 @@ def candidates(robot: Robot, data: Dataset, whole: Dataset, rows: np.ndarray,
     units = _of_units(data) if sized else ()
     for words, changed in (*of_angles(robot, data), *units, *_of_device(data), *_of_rows(data, whole, rows)):
         yield words, robot, changed
+    yield _OF_THE_LINK_BEFORE, _one_row_up(robot), data
     for name in shipped_robots():
         other = load_robot(name)
         turns = "theta" not in data.joints or all(joint.has_gear for joint in other.joints)
         if other.has_geometry and other.axes == robot.axes and other.name != robot.name and turns:
             yield f"data of {name}", replace(other, base=Placement(), tool=Placement()), data
+
+
+def _one_row_up(robot: Robot) -> Robot:
+    """The arm whose table holds in each row a and alpha of the link before the axis; the last link's are
+    the tool's."""
+    a, alpha = ([*(getattr(joint, name) for joint in robot.joints[1:]), 0.0] for name in ("a", "alpha"))
+    joints = (replace(joint, a=a[i], alpha=alpha[i], beta=None) for i, joint in enumerate(robot.joints))
+    return replace(robot, joints=tuple(joints))
 
 
 def of_angles(robot: Robot, data: Dataset) -> Iterator[tuple[str, Dataset]]:
@@ -146,9 +158,10 @@ def _of_units(data: Dataset) -> Iterator[tuple[str, Dataset]]:
 
 def _of_device(data: Dataset) -> Iterator[tuple[str, Dataset]]:
     """Directions and orientations of the measuring device."""
-    mirrored = replace(data, position=data.position * [1.0, 1.0, -1.0], rotation=None)
+    mirrored = replace(data, position=data.position * _MIRROR, rotation=None)
     yield MIRRORED, mirrored
     if data.rotation is not None:
+        yield MIRRORED, replace(mirrored, rotation=data.rotation * np.outer(_MIRROR, _MIRROR))
         yield from ((words, replace(data, rotation=meant)) for words, meant in _orientations(data))
 
 

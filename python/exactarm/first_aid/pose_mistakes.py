@@ -103,8 +103,8 @@ def _mirrored_too(found: list[Suspicion]) -> list[Suspicion]:
     """An arm that its mirror image matches moves, with some signs changed, as a mirrored device sees it: both
     are named."""
     ordered = in_order(found)
-    mirrored = [each for each in found if each.words == MIRRORED]
-    if not mirrored or ordered[0] is mirrored[0] or mirrored[0].fall < AS_GOOD * ordered[0].fall:
+    falls = [each.fall for each in found if each.words == MIRRORED]
+    if not falls or ordered[0].words == MIRRORED or max(falls) < AS_GOOD * ordered[0].fall:
         return found
     both = replace(ordered[0], words=f"{ordered[0].words}, or {MIRRORED}")
     return [both if each is ordered[0] else each for each in found]

@@ -7,8 +7,9 @@ before and after on rows that were fitted and on rows that were not.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -54,6 +55,7 @@ if TYPE_CHECKING:
 # Steps as they are told, in their order.
 FRAMES, GEOMETRY, JUDGING = "base and tool frames", "geometry, gears and springs", "judging held-out rows"
 _PARALLEL = 0.05  # share of all turning that is about another axis: deviations are a tenth of it
+_TOLD = 4.0  # standard deviations: of noise alone one size in 16,000
 _BEYOND = 3.0  # standard deviations that the data would have a parameter beyond its bound
 
 
@@ -191,19 +193,32 @@ def fit_identifiable(robot: Robot, layout: Layout, data: Dataset, orientation: b
         worth = told
         flat = fit(kept)
     sigma = np.array([flat.sigma_position] + ([flat.sigma_orientation] if orientation else []))
-    fewer, result = identifiable_layout(robot, layout, data, orientation, sigma, options.threads, worth)
+    fewer, result = identifiable_layout(robot, layout, data, orientation, sigma, options.threads, worth,
+                                        _told_sizes(layout, flat))
     flat = flat if fewer.names == kept.names else fit(fewer)
     return fit(flat.layout, Drawn.around(geometry_layout(robot), flat.layout, flat.fit)), result
 
 
+def _told_sizes(layout: Layout, flat: PoseFit) -> dict[ParameterId, float]:
+    """Sizes of springs and loads that stand far out of their own uncertainty: those of arms differ by orders
+    of magnitude, and what is plausible for one is none of another. Lengths and angles have a tolerance."""
+    declared, spread = dict(zip(layout.names, layout.values)), np.sqrt(np.diag(flat.fit.covariance))
+    sizes = ((name, abs(value - declared[name]), sd)
+             for name, value, sd in zip(flat.layout.names, flat.fit.x, spread))
+    return {name: size for name, size, sd in sizes if name.group is Group.EFFECT and size > _TOLD * sd}
+
+
 def identifiable_layout(robot: Robot, layout: Layout, data: Dataset, orientation: bool,
                         sigma: np.ndarray | None = None, threads: int = 1,
-                        worth: np.ndarray | None = None) -> tuple[Layout, Identifiability]:
+                        worth: np.ndarray | None = None,
+                        told: Mapping[ParameterId, float] = MappingProxyType({})
+                        ) -> tuple[Layout, Identifiability]:
     """The layout without the parameters that these poses cannot tell, and why.
 
     sigma (1,) or (2,): standard deviations of position (m) and orientation (rad) components, where known;
-    then parameters whose estimate would be less certain than they are plausible are left out too. worth (N,):
-    independent rows that each is worth.
+    then parameters whose estimate would be less certain than they are plausible are left out too; told: sizes
+    that the data have shown, in place of a smaller plausible one. worth (N,): independent rows that each is
+    worth.
     """
     prediction = predict_poses(robot, layout, data, threads=threads)
     rows = prediction.jacobian if orientation else prediction.jacobian[:, :3]
@@ -212,7 +227,8 @@ def identifiable_layout(robot: Robot, layout: Layout, data: Dataset, orientation
     result = select_identifiable(rows.reshape(-1, layout.size), layout.names,
                                  keep_first=sum(name.group is Group.FRAME for name in layout.names),
                                  poses=len(rows), weights=weights, sigma=None if sigma is None else 1.0,
-                                 plausible=[p.plausible for p in layout.parameters],
+                                 plausible=[max(p.plausible, told.get(name, 0.0))
+                                            for name, p in zip(layout.names, layout.parameters)],
                                  robot=robot, still=still_axes(prediction.view.q))
     return layout.without(set(result.dropped_names)), result
 
