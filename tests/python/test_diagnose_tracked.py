@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy import special
+from scipy.interpolate import CubicSpline
 
 from exactarm import cli
 from exactarm.chain import Layout, predict_tracked_motion
@@ -41,15 +42,20 @@ def ur10():
     return load_robot("ur10")
 
 
-def tracked(effect, seed, runs=3, seconds=10.0):
+def tracked(effect, seed, runs=3, seconds=10.0, scatter=0.0):
     """Runs of all axes under a tracker whose noise has a memory; the last run validates. effect: one, None,
-    or several."""
+    or several; scatter: of the times of the samples, as their stamps say, in steps."""
     rng = np.random.default_rng(seed)
     robot = ur10()
     parts = [fourier_motion(robot, seconds, RATE_HZ, seed + run, base_hz=0.1, amplitude=0.8)
              for run in range(runs)]
     time, angle = np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
     run = np.repeat(np.arange(1, runs + 1), len(parts[0][0]))
+    if scatter:
+        late = rng.normal(0.0, scatter / RATE_HZ, time.size)
+        angle = np.concatenate([CubicSpline(part[0], part[1])(part[0] + late[run == k])
+                                for k, part in enumerate(parts, start=1)])
+        time = time + late
     truth = at_random_place(robot, rng, 0.3)
     data = Dataset.of_arrays("tracked_motion", {"q": angle + [0.3, -1.2, 1.2, -0.8, 0.9, 0.2]}, time=time,
                              run=run,

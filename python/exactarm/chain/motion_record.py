@@ -256,8 +256,9 @@ def _bandwidth(robot: Robot, data: Dataset, noise: AngleNoise) -> float:
 
 def full_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None,
                 joints: np.ndarray | None = None) -> MotionRecord:
-    """Every row of `data`, angles as they are and nothing measured: only their rates pass the low-pass of the
-    angles, which is lower (default: 2.5 times 20 Hz) where accelerations would be the noise of the angles.
+    """Every row of `data`, angles as they are, at the times when they were read, and nothing measured: only
+    their rates pass the low-pass of the angles, which is lower (default: 2.5 times 20 Hz) where accelerations
+    would be the noise of the angles.
 
     `joints` (N, n): joint angles whose motion tells the direction, where they are known (default: the
     motors').
@@ -268,6 +269,11 @@ def full_record(robot: Robot, data: Dataset, bandwidth_hz: float | None = None,
     whole, runs = runs_in_time(data), []
     step = float(np.median(np.concatenate([np.diff(data.time[rows]) for rows in whole])))
     time, even = _on_even_clocks(robot, data)
+    sampled = data.time.astype(float)
+    for run in whole:
+        if np.array_equal(even[run], theta[run]):  # read evenly, whatever the stamps say
+            sampled[run] = time[run]
+    data = replace(data, time=sampled)
     if bandwidth_hz is None:
         wide = quiet_acceleration(even / robot.ratios, whole, step, _WIDE * BANDWIDTH_HZ)
         bandwidth_hz = wide / _WIDE

@@ -2,9 +2,9 @@
 
 `pose_split`: whole poses: rows of one visit or with the same joint angles stay together; each session gives
 its share, and of each sort of measurement in it (a contact, a sensor, the tracker) there is something on
-either side. `run_split`: whole runs; in gear runs, runs that move the same axes the same way share; where
-there is only one of a sort, its first part is taken and its last part left. Both -> (N,) bool, True =
-identification.
+either side. `run_split`: whole runs; in gear runs, runs that move the same axes the same way share, in
+tracked motions those of one session; where there is only one of a sort, its first part is taken and its last
+part left. Both -> (N,) bool, True = identification.
 """
 
 import numpy as np

@@ -92,6 +92,11 @@ class Kind:
         return data.session
 
 
+def runs_by_session(data: Rows) -> list[np.ndarray]:
+    """Numbers of the runs of each session."""
+    return [np.unique(data.run[data.session == session]) for session in np.unique(data.session)]
+
+
 def has(values: np.ndarray | None) -> np.ndarray | bool:
     """(n,) which axes the files have."""
     return False if values is None else ~np.isnan(values[0])

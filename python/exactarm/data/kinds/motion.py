@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from exactarm.data.kinds.base import Device, Kind, check_joints, check_time, file_of
+from exactarm.data.kinds.base import Device, Kind, check_joints, check_time, file_of, runs_by_session
 from exactarm.data.rows import Rows
 from exactarm.errors import InputError
 from exactarm.robot.robot import Robot
@@ -20,9 +20,7 @@ class _Motion(Kind):
 
     def alike(self, data: Rows) -> list[np.ndarray]:
         """All runs; where payloads are to be estimated by session, those of one session."""
-        if not data.unweighed:
-            return super().alike(data)
-        return [np.unique(data.run[data.session == session]) for session in np.unique(data.session)]
+        return runs_by_session(data) if data.unweighed else super().alike(data)
 
     def check(self, data: Rows, robot: Robot) -> None:
         if not self.held_by(data):
