@@ -12,6 +12,7 @@ from exactarm import _core
 from exactarm.chain import Layout, motion_record, predict_motion
 from exactarm.cli import main
 from exactarm.data.dataset import read_dataset, write_dataset
+from exactarm.diagnose.problems import problem_for
 from exactarm.effects.link_inertia import LinkInertia
 from exactarm.files.examples import data_path
 from exactarm.identify.base_parameters import base_parameters
@@ -182,9 +183,12 @@ def test_currents_are_said_to_lack_a_constant_where_they_do(declared, words):
     for axis in declared:
         robot = robot.with_joint(axis, torque_constant=0.3)
     joints = {name: values for name, values in data.joints.items() if name != "tau"} | current
-    told = identify_dynamics(robot, replace(data, joints=joints), DynamicsOptions(inertial=False)).warnings
+    data = replace(data, joints=joints)
+    told = identify_dynamics(robot, data, DynamicsOptions(inertial=False)).warnings
     about = [line for line in told if "torque constant" in line]
     assert (about == []) if words is None else (len(about) == 1 and words in about[0])
+    problem = problem_for(robot, data, data.select(np.zeros(len(data), bool)), 1, 0)
+    assert list(problem.doubts(None)) == about  # a diagnosis said nothing
 
 
 @pytest.mark.slow

@@ -38,6 +38,7 @@ from exactarm.identify.base_parameters import base_parameters
 from exactarm.identify.declared import carried_layout, require_geometry
 from exactarm.identify.dynamics import (
     axes_at_rest,
+    currents_as_torques,
     excited_layout,
     friction_layout,
     inertia_was_estimated,
@@ -279,6 +280,9 @@ class MotionProblem(ProblemInTime):
 
     def error_of_unit_noise(self, fitted: Fitted) -> float:
         return float(np.sqrt(np.nanmean(self._residual(fitted, self.data) ** 2)))
+
+    def doubts(self, fitted: Fitted) -> tuple[str, ...]:
+        return tuple(currents_as_torques(self.robot, self.data))
 
     @property
     def repeat_source(self) -> str:

@@ -3,6 +3,7 @@ that are far from it, and again and again.
 
 What passes 0 comes near it before, and has another sign behind. A brake that holds, or a stop, lasts longer.
 A fit takes such zeros for measured ones: one torque of fifty lost makes masses and friction 2 % too small.
+Of poses at rest, which have no moment before and behind, a position that is 0 in x, y and z is one.
 """
 
 from collections.abc import Iterator
@@ -36,6 +37,15 @@ def lost_readings(data: Dataset) -> Iterator[Suspicion]:
     if rows.size >= LEAST_MOMENTS:
         yield Suspicion(f"column {name} is exactly 0 for a moment between readings of another size "
                         f"{rows.size} times, first at {data.place_of(int(rows[0]))}: were readings lost?")
+
+
+def lost_targets(data: Dataset) -> Iterator[Suspicion]:
+    """One line where x, y and z are exactly 0 in some rows, which no device reads."""
+    rows = np.flatnonzero(np.all(data.position == 0.0, axis=1))
+    if 0 < rows.size < len(data):
+        others = " and in others" if rows.size > 1 else ""
+        yield Suspicion(f"x, y and z are exactly 0 in {data.place_of(int(rows[0]))}{others}: had the device "
+                        "lost its target? Leave such rows out")
 
 
 def _moments(values: np.ndarray, data: Dataset) -> np.ndarray:

@@ -20,6 +20,7 @@ from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import TRACKED_MOTION
 from exactarm.first_aid.arm_itself import left_by_geometry, left_standing
 from exactarm.first_aid.linear_frames import free_frames, least_left, linear_frames, solved
+from exactarm.first_aid.lost_readings import lost_targets
 from exactarm.first_aid.misfit import (
     LEAST_ORIENTATION_RAD,
     NOT_WORSE,
@@ -68,6 +69,8 @@ _MOST_CHECKED = 20000  # rows, evenly spread, that are looked through for gross 
 
 def pose_mistakes(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -> list[Suspicion]:
     """The mistakes that explain these poses better, best first."""
+    if lost := list(lost_targets(data)):
+        return lost
     rows = _spread_rows(data)
     if rows is None:
         return []

@@ -9,7 +9,7 @@ reversal,
 step 7. Swevers et al. 1997; Gautier 1991; Atkeson, An and Hollerbach 1986.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -220,17 +220,16 @@ def _warnings(fit: MotionFit, data: Dataset, unsettled: str):
                    "acts as it does")
         elif bound:
             yield f"{name} lies at its bound, 0: this motion does not tell it from none"
-    if without := _currents_of_no_constant(fit.robot, data):
-        yield (
-            f"no torque constant of {axes_in_words(without)} is declared: the currents were taken at 1 Nm/A, "
-            "and what they tell scales with it")
+    yield from currents_as_torques(fit.robot, data)
 
 
-def _currents_of_no_constant(robot: Robot, data: Dataset) -> list[int]:
-    """Axes from 0 whose torque is known by a current alone, without a constant that makes Nm of it."""
+def currents_as_torques(robot: Robot, data: Dataset) -> Iterator[str]:
+    """One line on axes whose torque is known by a current alone, without a constant that makes Nm of it."""
     told = {name: ~np.isnan(values).all(axis=0) for name, values in data.joints.items() if name in TORQUES}
     if "current" not in told:
-        return []
+        return
     alone = told["current"] & ~np.any([told[name] for name in told if name != "current"], axis=0)
     constants = declared_constants(robot)
-    return [i for i in range(robot.axes) if alone[i] and np.isnan(constants[i])]
+    if without := [i for i in range(robot.axes) if alone[i] and np.isnan(constants[i])]:
+        yield (f"no torque constant of {axes_in_words(without)} is declared: the currents were taken at "
+               "1 Nm/A, and what they tell scales with it")
