@@ -106,3 +106,21 @@ def test_the_sentence_names_what_is_likelier():
                    for found in ([right, wrong], [wrong]))
     assert "The model also holds coupling of axis 1, where something else is likelier." in both
     assert "likelier that axis 1 follows the load" in alone and "speak against" not in both + alone
+
+
+def test_an_effect_leaves_beside_unknown_functions_what_its_own_fit_leaves(path):
+    """Its columns are those of the fit. From no spring on, one of 4 mrad on declared springs left seventy
+    times the noise in the linear picture, which a free function of the load took for itself (blind tracked
+    motion 96039)."""
+    robot, data, *_ = path
+    problem = problem_for(robot, data, data.select(np.zeros(len(data), bool)), 1, 0)
+    declared = problem.declared()
+    coupling = effect_from_table(COUPLING | {"coupling_rad_per_rad": 1e-4})
+    whole = problem.fit(declared.joined(Layout.of((coupling,))))
+    without = whole.without(len(declared.effects))
+    parameters, values, columns = without.taken
+    assert [p.name for p in parameters] == ["coupling_rad_per_rad"]
+    np.testing.assert_array_equal(values, whole.layout.effects[-1].values[-1:])
+    numbers = whole.data_numbers
+    np.testing.assert_allclose(without.whitened[:numbers] - (columns @ values)[:numbers],
+                               whole.whitened[:numbers], atol=1e-6)

@@ -21,7 +21,7 @@ from scipy import linalg
 
 from exactarm.chain import Layout, View
 from exactarm.data.dataset import Dataset
-from exactarm.effects.base import Effect
+from exactarm.effects.base import Effect, Parameter
 from exactarm.identify.layout_fit import Drawing, pulls_of
 from exactarm.numerics.orthonormal import extended, narrowed, orthonormal
 from exactarm.numerics.quadratic import variances
@@ -136,6 +136,15 @@ class Fitted:
                            jacobian=np.take(self.jacobian, np.flatnonzero(keep), axis=2))
         vars(narrower)["_taken_from"] = self, ~keep
         return narrower
+
+    @property
+    def taken(self) -> tuple[list[Parameter], np.ndarray, np.ndarray]:
+        """Of a fit without an effect: the linear parameters of that effect that were free, their values (k,)
+        and whitened columns (N m + r, k), as in the fit with it."""
+        whole, gone = self._taken_from
+        linear = np.array([not p.search for p in whole.layout.parameters], bool) & gone
+        named = [p for p, keep in zip(whole.layout.parameters, linear) if keep]
+        return named, whole.layout.values[linear], self.whiten(whole.jacobian[:, :, linear])
 
     def variance_of(self, jacobian: np.ndarray) -> np.ndarray:
         """(K, m) of predictions with a Jacobian (K, m, P), by what the fit leaves unknown."""

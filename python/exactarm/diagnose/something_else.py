@@ -26,11 +26,11 @@ from exactarm import _core
 from exactarm.diagnose.bagging import HOPELESS, bagged, squares_by_piece
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.problem import Problem
-from exactarm.diagnose.scan import free_mask, grid, regularised_gain
+from exactarm.diagnose.scan import grid, regularised_gain
 from exactarm.diagnose.search import log_prior_of_count
 from exactarm.diagnose.signal import PLACE, POSITION, TRACKER, Direction, Signal, Structure
 from exactarm.diagnose.unknown import AMPLITUDE, Unknown, Wave, functions_of_waves, unknown_functions
-from exactarm.diagnose.vocabulary import DESCRIBED, SCALE_WEIGHTS, SCALES, UNKNOWN_MASS, emptied
+from exactarm.diagnose.vocabulary import DESCRIBED, SCALE_WEIGHTS, SCALES, UNKNOWN_MASS
 from exactarm.effects.base import Effect
 
 _STEP = 10.0**0.5  # between scales beyond the largest of the vocabulary, which no size may lie above
@@ -48,18 +48,18 @@ def beside_unknown(problem: Problem, steps: list[tuple[Fitted, Effect]],
                    candidates: Callable[[Fitted], list[Effect]], count: Callable[[Fitted], float]) -> Beside:
     """Effects together, at their values, beside unknown functions of the problem's signals.
 
-    steps: each effect with the fit without it and those after it; candidates: the library beside a fit;
+    steps: each effect with the fit without it and those after it (`Fitted.without`: a large one leaves what
+    its own fit leaves, not what a picture from zero would); candidates: the library beside a fit;
     count: its independent numbers.
     """
     without, pieces = steps[0][0], problem.pieces()
     own, squares = 0.0, None
     for before, effect in steps:
-        free = free_mask(effect)
-        size = np.array([min(p.plausible, p.prior) for p, keep in zip(effect.parameters(), free) if keep])
-        columns, value = before.columns(emptied(effect))[:, free], np.abs(np.array(effect.values)[free])
+        taken, value, columns = before.taken
+        size = np.array([min(p.plausible, p.prior) for p in taken])
         added = _Added.to(before, columns)
         ways = [added.weighed(size * quicker, count(before),
-                              float(np.max(value / (size * quicker), initial=0.0)))
+                              float(np.max(np.abs(value) / (size * quicker), initial=0.0)))
                 for quicker in effect.quickness(before.view)]
         weight = float(np.logaddexp.reduce([each for each, *_ in ways]) - np.log(len(ways)))
         left = added.left(max(ways, key=lambda way: way[0])[1])
