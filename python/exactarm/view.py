@@ -183,8 +183,11 @@ class View:
 
     @cached_property
     def moving(self) -> np.ndarray:
-        """(n,) axes that move in these data; all that do not rest, for poses."""
-        span = np.ptp(self.theta, axis=0) / np.abs(self.robot.ratios) if self.rows else np.zeros(self.axes)
+        """(n,) axes that move in these data; all that do not rest, for poses. In a series an axis moves
+        within a run: one that rests elsewhere in the next run has not."""
+        parts = self.runs if self.is_series else (slice(None),) * bool(self.rows)
+        span = np.max([np.ptp(self.theta[rows], axis=0) for rows in parts], axis=0, initial=0.0)
+        span = span / np.abs(self.robot.ratios)
         return moving_axes(self.robot, span) if self.is_series else span > 0.0
 
     @property

@@ -30,8 +30,10 @@ def excel(text):
 @pytest.mark.parametrize("content", [
     TABLE.replace("\n", "\r\n").encode(), b"\xef\xbb\xbf" + excel(TABLE).encode(),
     ("sep=;\r\n" + excel(TABLE)).encode(), b"\xef\xbb\xbf" + ("sep=;\r\n" + excel(TABLE)).encode(),
+    ("# made by a camera\n# lengths in mm\n" + TABLE).encode(), ("# made by NumPy\n# " + TABLE).encode(),
+    ("#" + TABLE).encode(), ('"' + HEAD.strip().replace(",", '", "') + '"\n' + ROWS).encode(),
 ])
-def test_tables_as_windows_and_excel_write_them_are_read(tmp_path, content):
+def test_tables_as_other_programs_write_them_are_read(tmp_path, content):
     (tmp_path / "my poses.csv").write_bytes(content)
     data = ea.read(tmp_path / "my poses.csv", "ur10")
     np.testing.assert_allclose(data.position[:, 0], 1e-3 * (500.25 + np.arange(6)), atol=1e-12)

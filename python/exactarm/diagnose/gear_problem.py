@@ -18,6 +18,7 @@ import numpy as np
 
 from exactarm.chain import GearRecord, GearRunPrediction, Layout, gear_record, predict_gear_run
 from exactarm.chain.encoder_counts import folded_rounding
+from exactarm.chain.idle_encoders import without_idle_encoders
 from exactarm.data.dataset import Dataset
 from exactarm.data.even_readings import at_even_readings
 from exactarm.data.kinds import GEAR_RUN
@@ -89,7 +90,7 @@ class GearProblem(ProblemInTime):
     repeat_source = "spectrum of the residual without its lines"
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
-        data, held_out = at_even_readings(data), at_even_readings(held_out)
+        data, held_out = map(at_even_readings, without_idle_encoders(robot, data, held_out))
         self._tones = find_tones(data)
         data, held_out = without_tones(data, self._tones), without_tones(held_out, self._tones)
         super().__init__(robot, data, held_out, threads, seed)

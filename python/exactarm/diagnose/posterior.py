@@ -46,8 +46,8 @@ class Place:
     its place.
 
     rivals: (label, effect or None for an unknown function, probability), the most probable first, without the
-    cause itself; log_odds: of the set with it against that without it; nothing: share of no cause in what is
-    against it in its place.
+    cause itself; log_odds: of it, at any size, against no cause in its place; nothing: share of no cause in
+    what is against it there.
     """
 
     label: str
@@ -279,10 +279,10 @@ def _places(found: Found, turn: int) -> list[Place]:
         block = found.block(index)
         if block.effect is None:
             continue
-        rest = Members(members.blocks[:k] + members.blocks[k + 1 :],
-                       members.scales[:k] + members.scales[k + 1 :])
-        log_odds = whole - weight_of(found.picture, rest)
         if k < len(found.certain.blocks):
+            rest = Members(members.blocks[:k] + members.blocks[k + 1 :],
+                           members.scales[:k] + members.scales[k + 1 :])
+            log_odds = whole - weight_of(found.picture, rest)
             places.append(Place(block.label, at_values(block, scale, value), 1.0 - np.exp(-CERTAIN), log_odds,
                                 (), turn))
             continue
@@ -291,13 +291,14 @@ def _places(found: Found, turn: int) -> list[Place]:
         field = _slot(found.posterior, tuple(others))
         total = np.logaddexp.reduce([weight for _, weight in field])
         against = [(label, weight) for label, weight in field if label != block.label]
-        nothing = np.exp(dict(against)[None] - np.logaddexp.reduce([weight for _, weight in against]))
+        empty, held = dict(against)[None], [weight for label, weight in field if label == block.label]
+        nothing = np.exp(empty - np.logaddexp.reduce([weight for _, weight in against]))
         rivals = sorted(((label, weight) for label, weight in against if label is not None),
                         key=lambda e: -e[1])
         named = tuple((label, _effect_at(found, others, label), float(np.exp(weight - total)))
                       for label, weight in rivals[:8])
         places.append(Place(block.label, at_values(block, scale, value), min(inclusion[block.label], 1.0),
-                            log_odds, named, turn, float(nothing)))
+                            float(np.logaddexp.reduce(held) - empty), named, turn, float(nothing)))
     return sorted(places, key=lambda p: -p.log_odds)
 
 

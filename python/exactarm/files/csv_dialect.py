@@ -10,7 +10,10 @@ import io
 import re
 from dataclasses import dataclass
 
-_BEFORE_HEADER = re.compile(rb"(?:\xef\xbb\xbf)?(?:sep=.\r?\n)?")  # mark of UTF-8; Excel's line
+# mark of UTF-8; lines of comment; Excel's line
+_BEFORE_HEADER = re.compile(rb"(?:\xef\xbb\xbf)?(?:#[^\n]*\n)*(?:sep=.\r?\n)?")
+_LAST_COMMENT = re.compile(rb"#[ \t]*([^\n]*)\n\Z")
+_NUMBER = re.compile(r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?")
 # as 1.234,5 or 1,234.5 or 1'234.5; 1,234 alone is a number with a decimal comma, or two columns
 _MARKED = re.compile(r"[-+]?\d{1,3}(?:(?:\.\d{3})+,\d+|(?:,\d{3})+\.\d+|(?:['\s]\d{3})+[.,]\d+)")
 DELIMITERS = (",", ";", "\t")  # in this order: a header with commas is parted by them
@@ -42,17 +45,35 @@ def marks_thousands(cell: str) -> bool:
 
 
 def header_start(content: bytes) -> int:
-    """Where the header begins: behind the mark of UTF-8, and behind the line by which Excel tells how columns
-    are parted."""
+    """Where the header begins: behind the mark of UTF-8, lines of comment (`#`), and the line by which Excel
+    tells how columns are parted. Where numbers follow, the last comment is the header, as NumPy writes it."""
     match = _BEFORE_HEADER.match(content)
-    return 0 if match is None else match.end()
+    start = 0 if match is None else match.end()
+    comment = _LAST_COMMENT.search(content[:start])
+    if comment is None:
+        return start
+    end = content.find(b"\n", start)
+    cells = [_cells(line) for line in (comment[1], content[start : end if end >= 0 else len(content)])]
+    return comment.start(1) if len(cells[0]) == len(cells[1]) and all(map(_is_number, cells[1])) else start
+
+
+def _cells(line: bytes) -> list[str]:
+    try:
+        return split_header(line.decode())[0]
+    except (UnicodeDecodeError, csv.Error):
+        return []
+
+
+def _is_number(cell: str) -> bool:
+    return _NUMBER.fullmatch(cell) is not None
 
 
 def split_header(line: str) -> tuple[list[str], str]:
     """Names in a header line, and the delimiter that parts them; raises csv.Error."""
     best: tuple[list[str], str] = ([], DELIMITERS[0])
     for delimiter in DELIMITERS:
-        names = [name.strip() for name in next(csv.reader(io.StringIO(line), delimiter=delimiter), [])]
+        reader = csv.reader(io.StringIO(line), delimiter=delimiter, skipinitialspace=delimiter != "\t")
+        names = [name.strip() for name in next(reader, [])]
         if len(names) > 1:
             return names, delimiter
         best = best if best[0] else (names, delimiter)

@@ -26,6 +26,7 @@ from exactarm.chain import (
     reversals_left_out,
 )
 from exactarm.chain.extrapolation import extrapolations
+from exactarm.chain.idle_encoders import without_idle_encoders
 from exactarm.data.dataset import Dataset
 from exactarm.data.even_readings import at_even_readings
 from exactarm.data.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
@@ -172,7 +173,7 @@ def evaluate_gear_runs(robot: Robot, data: Dataset, seed: int = 0, threads: int 
     """Fits the set-up on all rows that count; what is left on every row, tones of the sensor aside: the
     magnitude along the moving axis. Between encoders a row's error is the RMS over the axes, and every axis
     counts by itself in the summaries."""
-    data = at_even_readings(data)
+    data, = map(at_even_readings, without_idle_encoders(robot, data))
     data = without_tones(data, find_tones(data))
     record = gear_record(robot, data)
     layout = sensor_layout(robot, data, record, bias=True).joined(carried_layout(robot, data, GEAR_RUN.name))

@@ -16,6 +16,7 @@ import numpy as np
 
 from exactarm import _core
 from exactarm.chain import gear_record
+from exactarm.chain.idle_encoders import without_idle_encoders
 from exactarm.data.dataset import Dataset
 from exactarm.data.even_readings import at_even_readings
 from exactarm.data.split import DEFAULT_SEED
@@ -115,13 +116,13 @@ def identify_gears(robot: Robot, data: Dataset, *, method: str = "refined", seed
     """Identifies every gear that moves in the data. Raises InputError where nothing can be identified."""
     if method not in METHODS:
         raise InputError(f"unknown method {method!r}, expected one of {', '.join(METHODS)}")
-    identification = data.split(seed)
-    data = at_even_readings(data)
+    identification, logged = data.split(seed), data
+    data, = map(at_even_readings, without_idle_encoders(robot, data))
     tones = find_tones(data.select(identification))
     data = without_tones(data, tones)
     record = gear_record(robot, data)
     given, result, gears, held_out, alignments = robot, robot, [], [], []
-    warnings = [*_left_out(data, record), *map(str, tones)]
+    warnings = [*_left_out(logged, record), *map(str, tones)]
     axes = measured_axes(record)
     progress.stage(FITTING, total=len(axes))
     for place, axis in enumerate(axes):
@@ -276,8 +277,9 @@ def why_dropped(estimate: GearEstimate) -> str:
 
 def _left_out(data: Dataset, record) -> Iterator[str]:
     """Axes that the file has but the runs do not move: nothing is left out without a word."""
-    given = np.flatnonzero(~np.isnan(data.joints["theta"][0]))
-    still = [axis for axis in record.encoder_axes or given
+    columns = ("theta", "q") if record.encoder_axes else ("theta",)
+    given = np.all([~np.isnan(data.joints[name][0]) for name in columns], axis=0)
+    still = [axis for axis in np.flatnonzero(given)
              if axis not in measured_axes(record) and not record.moving[axis]]
     if still:
         names = ", ".join(str(axis + 1) for axis in still)
