@@ -31,6 +31,7 @@ from exactarm.identify.declared import (
     with_estimates,
 )
 from exactarm.identify.drawing import FREE, Drawn
+from exactarm.identify.guessed_springs import springs_not_estimated
 from exactarm.identify.identifiability import Identifiability, select_identifiable, still_axes
 from exactarm.identify.load_doubt import with_load_doubt
 from exactarm.identify.loads import kept_masses, with_loads
@@ -335,6 +336,7 @@ def _warnings(fit: PoseFit, data: Dataset, found: list):
         yield ("no parameter of the robot was identified: base and tool frames take up all that these axes "
                "do, so its file is as it was; `exactarm diagnose` judges its gears all the same")
     yield from _beyond_bounds(fit, data)
+    yield from springs_not_estimated(fit)
     if fit.fit.freedom < 2 * fit.layout.size:
         yield (
             f"only {fit.fit.freedom} degrees of freedom for {fit.layout.size} parameters: measure more poses")
