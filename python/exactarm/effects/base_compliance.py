@@ -8,6 +8,8 @@ of the weight alone, where it gives way too slowly for accelerations.
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import numpy as np
+
 from exactarm.data.kinds import WITH_TARGET
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.carried_moment import Bending
@@ -26,6 +28,9 @@ class BaseCompliance(Bending):
     per_load = True
     gives_way = True
     per_joint = False
+    # Springs of axes 2 and 3 look like a base that tilts: it is as probable as that of one axis of six, so
+    # that what every arm has is not outdone because a base has no axes to share its prior with.
+    log_odds = -float(np.log(6.0))
     sentence = (
         "the foundation tilts, or axis 1 bends across itself (the two look alike), by {rad_per_Nm:.3g} rad "
         "for every Nm of overturning moment")
