@@ -45,9 +45,8 @@ class Place:
     """One cause in the best set: its effect as fitted, its probability, and the labels that could stand in
     its place.
 
-    rivals: (label, effect or None for an unknown function, probability), the most probable first, without the
-    cause itself; log_odds: of it, at any size, against no cause in its place; nothing: share of no cause in
-    what is against it there.
+    rivals: (label, effect or None: unknown function, probability), the most probable first; log_odds: of the
+    cause, at any size, against none in its place; nothing: share of none in what is against it there.
     """
 
     label: str
@@ -330,11 +329,12 @@ def _effect_at(found: Found, others: list[str], label: str) -> Effect | None:
 
 
 def _one_each(places: list[Place]) -> list[Place]:
-    """The surest of each label: an order between two points of the grid shows at both, until it is fitted."""
+    """The surest of each label: an order between two points of the grid shows at both, until it is fitted. A
+    wave goes before a curve that stands beside it: what is then left of the curve the next round says."""
     found: dict[str, Place] = {}
-    for place in places:
+    for place in sorted(places, key=lambda place: place.effect.any_curve):
         found.setdefault(place.label, place)
-    return list(found.values())
+    return [place for place in places if found[place.label] is place]
 
 
 def _holding(found: Found, places: list[Place], seed: int) -> list[Place]:
@@ -346,7 +346,7 @@ def _holding(found: Found, places: list[Place], seed: int) -> list[Place]:
     if not places:
         return []
     places, parted = list(places), found.picture.absorbed.parted(folds_of(found.at.groups, seed))
-    held_out = lambda kept: found.picture.held_out(_only(found, tuple(p.label for p in kept)), parted)
+    held_out = lambda kept: found.picture.held_out(_only(found, kept), parted)
     while places:
         whole = held_out(places)
         without = {k: held_out(places[:k] + places[k + 1 :]) for k in range(len(places))}
@@ -364,8 +364,8 @@ def _confirmed(problem, declared, chosen, fitted, found: Found, places: list[Pla
         effects = [*chosen, *(place.effect for place in places)]
         trial = refit(problem, declared, effects, fitted, found.noise)
         before, after = (_weighted_square(found.noise, at.residual) for at in (fitted, trial))
-        functions, labels = _only(found, ()), tuple(p.label for p in places)
-        promised = found.picture.quadratic(functions)[1] - found.picture.quadratic(_only(found, labels))[1]
+        left = lambda kept: found.picture.quadratic(_only(found, kept))[1]
+        promised = left([]) - left(places)
         idle = [k - len(chosen) for k in _idle(trial, declared) if k >= len(chosen)]
         if before - after >= CONFIRMED * promised and not idle:
             return places, trial
@@ -382,15 +382,15 @@ def _idle(fitted: Fitted, declared: Layout) -> list[int]:
             if free.any() and fitted.fit.at_bound[where].all() and not np.any(np.array(effect.values)[free])]
 
 
-def _only(found: Found, labels: tuple[str, ...]) -> Members:
-    """The members of the best set with these labels, and its unknown functions."""
-    members, open_labels, blocks = found.members, list(labels), found.picture.vocabulary.blocks
-    kept = []
+def _only(found: Found, places: list[Place]) -> Members:
+    """The members of the best set that are these, and its unknown functions."""
+    members, wanted, kept = found.members, [(p.label, p.effect.any_curve) for p in places], []
     for i, s in zip(members.blocks, members.scales):
-        if blocks[i].unknown is not None:
+        block = found.block(i)
+        if block.effect is None:
             kept.append((i, s))
-        elif blocks[i].label in open_labels:
-            open_labels.remove(blocks[i].label)
+        elif (one := (block.label, block.effect.any_curve)) in wanted:
+            wanted.remove(one)
             kept.append((i, s))
     return Members(tuple(i for i, _ in kept), tuple(s for _, s in kept))
 
