@@ -77,12 +77,12 @@ class WaveInTime:
         return float(np.sqrt(np.mean(np.sum(self.coefficients**2, axis=(1, 2)))))
 
     def structure(self, unit: str) -> Structure:
-        """In words; unit: of the reading."""
+        """In words; unit: of the reading. Two encoders of one gear stand on the same floor."""
         instead = " and ".join(dict.fromkeys(effect.title for effect in self.instead))
+        suspect = "a load or a controller that swings" if unit == "rad" else "a floor or a mount that shakes"
         return Structure(f"a wave of {self.frequency:.3g} Hz in time, {1e3 * self.size:.2g} m{unit}, which "
                          f"follows no axis's angle, is likelier than {instead} (probability "
-                         f"{self.probability:.2f}) and was taken out: look for a floor or a mount that "
-                         "shakes")
+                         f"{self.probability:.2f}) and was taken out: look for {suspect}")
 
     def values(self, number: int, time: np.ndarray) -> np.ndarray:
         """(K, m) at times (K,) of a whole run."""
