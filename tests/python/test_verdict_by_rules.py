@@ -10,11 +10,13 @@ from exactarm.commands.effect_sections import in_order
 from exactarm.diagnose.dossier import Dossier
 from exactarm.diagnose.motion_problem import MotionProblem
 from exactarm.diagnose.noise import NoiseFloor
+from exactarm.diagnose.signal import Structure
 from exactarm.diagnose.verdict import (
     EXPLAINED,
     NOTHING,
     UNEXPLAINED,
     more_left_out,
+    remains,
     sentence_of,
     verdict_by_rules,
 )
@@ -109,3 +111,11 @@ def test_what_may_be_another_cause_and_changes_no_error_is_no_reason_for_another
                                                       before=error(1.0), after=error(rms))
     assert _pays(result(0.58, 0.9)) and _pays(result(0.999, 0.998))
     assert not _pays(result(0.58, 0.998)) and not _pays(result(0.999, 1.001))
+
+
+def test_a_sentence_tells_two_unknown_structures_and_how_many_there_are():
+    """Of gear runs with five the verdict was twenty lines long; report and result have all."""
+    unknown = tuple(Structure(f"axis {axis} follows its angle") for axis in range(1, 5))
+    whole = "; ".join(map(str, unknown))
+    assert remains(None, 1.0, unknown) == whole == remains(None, 1.0, unknown, 4)
+    assert remains(None, 1.0, unknown, 2) == "axis 1 follows its angle; axis 2 follows its angle; and 2 more"

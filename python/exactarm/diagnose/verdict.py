@@ -33,6 +33,7 @@ _NOISE_REACHED = 1.25  # RMS after, beside the noise floor
 _FAR_ABOVE_NOISE = 1.5  # RMS after, beside a measured noise floor: something is left, whatever it follows
 # probability of nothing, below which something acts though it has no name: said of one clean set in twenty
 _NOT_NOTHING = 0.05
+_MOST_TOLD = 2  # unknown structures in the verdict's sentence; the report has all
 _NO_CHANGE = 0.005  # of the RMS error: less is no change in words
 _SHARE_EXPLAINED = 0.5  # of the square sum above the noise; less, and the cause is not found
 # held-out error beside the expected one; share of rows that may be wrong by themselves
@@ -171,10 +172,13 @@ def carries_badly(excess: float) -> bool:
     return excess > _CARRIES_OVER
 
 
-def remains(left: Dossier, excess: float, unknown: tuple[Structure, ...] = ()) -> str:
-    """What is known of a structure that nothing explains; unknown: what the posterior says of it."""
+def remains(left: Dossier, excess: float, unknown: tuple[Structure, ...] = (),
+            most: int | None = None) -> str:
+    """What is known of a structure that nothing explains; unknown: what the posterior says of it, of which
+    `most` are told, None: all."""
     if unknown:
-        known = "; ".join(map(str, unknown))
+        known = "; ".join(map(str, unknown[:most]))
+        known += f"; and {more} more" if (more := len(unknown) - len(unknown[:most])) else ""
     elif left.structure:
         known = f"it follows best the {left.strongest.signal}, along {left.strongest.direction}"
     else:
@@ -218,13 +222,13 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
             return text + (f" Another cause is {'' if undecided.sure else 'probably '}missing, but this data "
                            f"cannot tell which: {undecided}.")
         if verdict == UNEXPLAINED:
-            text += f" A structure is left {unnamed}; {remains(left, excess, unknown)}."
+            text += f" A structure is left {unnamed}; {remains(left, excess, unknown, _MOST_TOLD)}."
         return text
     if undecided:
         return (f"The model {'' if undecided.sure else 'probably '}lacks something, but this data cannot "
                 f"tell which: {undecided}.")
     if verdict == UNEXPLAINED:
-        return f"The residual has a structure {unnamed}; {remains(left, excess, unknown)}."
+        return f"The residual has a structure {unnamed}; {remains(left, excess, unknown, _MOST_TOLD)}."
     if left.structure:
         like = ", as noise does that neighbouring rows share" if left.strongest.signal.of_time else ""
         share = 100.0 * left.strongest.share
