@@ -9,7 +9,7 @@ from exactarm.commands.design_for import experiments_table
 from exactarm.commands.effect_sections import (
     causes_in_words,
     curves_figure,
-    effects_table,
+    effects_tables,
     in_words,
     listed_places,
     orders_table,
@@ -121,7 +121,7 @@ def _sections(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contri
                       *_undecided(result)]
     if found:
         judged = "validation" if result.after["validation"].n else "identification"
-        sections += [effects_table(result, found), *curves_figure(found),
+        sections += [*effects_tables(result, found), *curves_figure(found),
                      orders_table(found, robot),
                      *sizes_figure(result, found, result.after[judged].rms), parameters_table(found, robot)]
     sections += [*_left_over(result), *_drafts(result)]

@@ -103,7 +103,16 @@ def causes_in_words(result: Diagnosis, found: Sequence[tuple[Finding, Contributi
     return f"{'probably ' if len(probable) == len(groups) else ''}lacked {'; '.join(phrases)}"
 
 
-def effects_table(result: Diagnosis, found: Sequence[tuple[Finding, Contribution | None]]) -> Table:
+def effects_tables(result: Diagnosis, found: Sequence[tuple[Finding, Contribution | None]]) -> list[Table]:
+    """The causes, and apart from them what the model holds although it is less likely than not."""
+    likely = [pair for pair in found if pair[0].probability >= NAMED_AT]
+    rest = [pair for pair in found if pair[0].probability < NAMED_AT]
+    parts = (("Causes found", likely), ("Less likely than not, and in robot.toml all the same", rest))
+    return [_effects_table(result, part, heading) for heading, part in parts if part]
+
+
+def _effects_table(result: Diagnosis, found: Sequence[tuple[Finding, Contribution | None]],
+                   heading: str) -> Table:
     """One line an effect. Columns that no result fills are left out."""
     header = ["cause", "axis", "measure", "size (95 %)", "at the tool", "own share", "probability",
               "or instead"]
@@ -118,7 +127,7 @@ def effects_table(result: Diagnosis, found: Sequence[tuple[Finding, Contribution
                  "held-out square sum; so much of it goes with the effect. ")
     note += " ".join(f"{finding.effect.title.capitalize()}: {finding.caveat}."
                      for finding, _ in in_order(found) if getattr(finding, "caveat", ""))
-    return Table("Causes found", tuple(header[k] for k in kept),
+    return Table(heading, tuple(header[k] for k in kept),
                  tuple(tuple(row[k] for k in kept) for row in rows), note.strip())
 
 
