@@ -166,16 +166,14 @@ def test_play_of_an_arm_without_masses_is_the_only_cause(seed, axis):
     wrong flank left axis 2 unexplained and gave axis 3 a payload at 0.996 beside the play; seed 1 was right
     before, too. Seeds: the first two, none was left out. With seed 2 and axis 2 rows on the wrong flank made
     the width 12 % too small, by 2.7 standard deviations, and what was left followed two angles. Since unknown
-    functions of two axes are waves of a turn, too, three rows are left out there, the interval holds, and a
-    base that gives way by no more than its interval stands beside the play with 0.70: held as a finding."""
+    functions of two axes are waves of a turn, too, three rows are left out there, the interval holds. A
+    base that gives way by no more than its interval stood beside the play with 0.70 as long as it had the
+    prior of six springs."""
     robot, random = virtual("ur10", seed, f"backlash joint={axis} width_rad=8e-4")
     q = joints_in_limits(robot.nominal, 120, random)
     data = measure_poses(robot, q, Sensors(position_m=5e-5, orientation_rad=5e-5, counts=0), random)
     found = diagnose(replace(robot.nominal, links=None), data)
     assert found.verdict == EXPLAINED and not found.dossier_after.of_posture
-    *others, named = found.findings
+    (named,) = found.findings
     low, high = named.intervals[0]
     assert named.effect.label == f"backlash_{axis}" and low < 8e-4 < high
-    beside = ["base_compliance"] if (seed, axis) == (2, 2) else []
-    assert [other.effect.label for other in others] == beside
-    assert all(other.probability < 0.8 and other.intervals[0, 0] == 0.0 for other in others)
