@@ -134,7 +134,8 @@ def _causes(problem: Problem, declared: Layout, progress: Progress,
         if found is None or len(places) + len(found.members.blocks) > MOST_AT_ONCE:
             return None
         asked_for = _places(found, len(fits) - 1)
-        new = _one_each([p for p in asked_for if p.probability >= NAMED_AT])
+        likely = [p for p in asked_for if p.probability >= NAMED_AT]
+        new = _one_each(likely)
         springs = [p for p in new if p.effect.gives_way and springs_first]
         if any(effect.gives_way for effect in chosen) or len(springs) == len(new):
             springs = []
@@ -145,14 +146,16 @@ def _causes(problem: Problem, declared: Layout, progress: Progress,
             kept, fit = _confirmed(problem, declared, chosen, fits[-1], found, held)
             if kept:
                 break
+        if not kept and any(place.effect.any_curve for place in held):  # what stood beside it
+            held = _holding(found, _one_each([p for p in likely if not p.effect.any_curve]), problem.seed)
+            kept, fit = _confirmed(problem, declared, chosen, fits[-1], found, held)
         if kept:
             chosen = [*fit.layout.effects[len(declared.effects) :]]
             places += kept
             fits.append(fit)
             vocabulary = beside_chosen(fit)
         elif new and not held and refused < _MOST_REFUSED:
-            refused += 1
-            whole = whole.without(found.named_blocks())
+            refused, whole = refused + 1, whole.without(found.named_blocks())
             vocabulary = whole.beside(chosen)
             noise, nothing = None, nothing if chosen else None
         else:
@@ -238,8 +241,7 @@ def _could_be_right(trial: Fitted, first: int, noise: NoiseModel) -> bool:
 
 def selection_of(causes: Causes) -> Selection:
     """The same as the result of a selection."""
-    places, undecided = (tuple(map(_accepted, each)) for each in (causes.places, causes.undecided))
-    return Selection(causes.fits, places, undecided)
+    return Selection(causes.fits, *(tuple(map(_accepted, p)) for p in (causes.places, causes.undecided)))
 
 
 def _accepted(place: Place) -> Accepted:
@@ -329,12 +331,11 @@ def _effect_at(found: Found, others: list[str], label: str) -> Effect | None:
 
 
 def _one_each(places: list[Place]) -> list[Place]:
-    """The surest of each label: an order between two points of the grid shows at both, until it is fitted. A
-    wave goes before a curve that stands beside it: what is then left of the curve the next round says."""
+    """The surest of each label: an order between two points of the grid shows at both, until it is fitted."""
     found: dict[str, Place] = {}
-    for place in sorted(places, key=lambda place: place.effect.any_curve):
+    for place in places:
         found.setdefault(place.label, place)
-    return [place for place in places if found[place.label] is place]
+    return list(found.values())
 
 
 def _holding(found: Found, places: list[Place], seed: int) -> list[Place]:
@@ -396,5 +397,4 @@ def _only(found: Found, places: list[Place]) -> Members:
 
 
 def _weighted_square(noise: NoiseModel, residual: np.ndarray) -> float:
-    white = noise.whiten(residual[:, :, None])
-    return float(np.sum(white**2))
+    return float(np.sum(noise.whiten(residual[:, :, None]) ** 2))
