@@ -16,7 +16,8 @@ NOISE_RAD = 4e-6  # of an encoder behind a gear
 
 @pytest.fixture(scope="module")
 def runs():
-    """Axes 2 and 3 of the KR300; axis 1 rests, elsewhere in each of the runs, and its encoder has noise."""
+    """Axes 2 and 3 of the KR300; axis 1 rests, elsewhere in each of the runs, and its encoder has noise (any
+    seed: none of it is compared)."""
     robot = load_robot("kr300")
     files = [data_path(f"kr300/run_{name}.parquet") for name in "AB"]
     return robot, resting(read_dataset(files, robot, "gear_run"), robot, 0)
@@ -40,8 +41,7 @@ def encoders(data: Dataset) -> list[int]:
 
 
 def test_an_axis_that_rests_in_every_run_tells_nothing_of_its_gear(runs):
-    """Its noise was taken for a ratio, and all refused: "a gear ratio of 196.8 where the robot file has
-    -118.6"."""
+    """Its noise was taken for a ratio, and the runs of all axes were refused by it."""
     robot, data = runs
     part, = without_idle_encoders(robot, data)
     assert (encoders(data), encoders(part)) == ([0, 1, 2], [1, 2])

@@ -109,9 +109,8 @@ def test_the_sentence_names_what_is_likelier():
 
 
 def test_an_effect_leaves_beside_unknown_functions_what_its_own_fit_leaves(path):
-    """Its columns are those of the fit. From no spring on, one of 4 mrad on declared springs left seventy
-    times the noise in the linear picture, which a free function of the load took for itself (blind tracked
-    motion 96039)."""
+    """Its columns are those of the fit. In a picture from no spring on, what one of 4 mrad on declared
+    springs left went to a free function of the load (bench/blind, tracked motion 96039)."""
     robot, data, *_ = path
     problem = problem_for(robot, data, data.select(np.zeros(len(data), bool)), 1, 0)
     declared = problem.declared()

@@ -114,7 +114,7 @@ def test_what_may_be_another_cause_and_changes_no_error_is_no_reason_for_another
 
 
 def test_a_sentence_tells_two_unknown_structures_and_how_many_there_are():
-    """Of gear runs with five the verdict was twenty lines long; report and result have all."""
+    """With all of them the verdict of many gears is longer than a screen; report and result have all."""
     unknown = tuple(Structure(f"axis {axis} follows its angle") for axis in range(1, 5))
     whole = "; ".join(map(str, unknown))
     assert remains(None, 1.0, unknown) == whole == remains(None, 1.0, unknown, 4)

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 # mark of UTF-8; lines of comment; Excel's line
 _BEFORE_HEADER = re.compile(rb"(?:\xef\xbb\xbf)?(?:#[^\n]*\n)*(?:sep=.\r?\n)?")
 _LAST_COMMENT = re.compile(rb"#[ \t]*([^\n]*)\n\Z")
-_NUMBER = re.compile(r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?")
 # as 1.234,5 or 1,234.5 or 1'234.5; 1,234 alone is a number with a decimal comma, or two columns
 _MARKED = re.compile(r"[-+]?\d{1,3}(?:(?:\.\d{3})+,\d+|(?:,\d{3})+\.\d+|(?:['\s]\d{3})+[.,]\d+)")
 DELIMITERS = (",", ";", "\t")  # in this order: a header with commas is parted by them
@@ -54,7 +53,8 @@ def header_start(content: bytes) -> int:
         return start
     end = content.find(b"\n", start)
     cells = [_cells(line) for line in (comment[1], content[start : end if end >= 0 else len(content)])]
-    return comment.start(1) if len(cells[0]) == len(cells[1]) and all(map(_is_number, cells[1])) else start
+    numbers = all(is_number(cell.replace(",", ".")) for cell in cells[1])
+    return comment.start(1) if len(cells[0]) == len(cells[1]) and numbers else start
 
 
 def _cells(line: bytes) -> list[str]:
@@ -64,8 +64,13 @@ def _cells(line: bytes) -> list[str]:
         return []
 
 
-def _is_number(cell: str) -> bool:
-    return _NUMBER.fullmatch(cell) is not None
+def is_number(cell: str) -> bool:
+    """Whether a cell with a decimal point is a number."""
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return "_" not in cell
 
 
 def split_header(line: str) -> tuple[list[str], str]:

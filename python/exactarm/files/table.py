@@ -24,7 +24,7 @@ import pyarrow.parquet
 
 from exactarm.errors import InputError
 from exactarm.files.arrow_columns import column_of, numbers_of
-from exactarm.files.csv_dialect import Dialect, dialect_of, header_start, split_header
+from exactarm.files.csv_dialect import Dialect, dialect_of, header_start, is_number, split_header
 from exactarm.files.examples import meant_example
 from exactarm.files.file_bytes import file_bytes
 from exactarm.files.free_memory import GIGABYTE, SHARE, free_bytes
@@ -180,7 +180,7 @@ def _check_names(path: str | Path, names: list[str]) -> None:
     if not names:
         raise InputError("first line is empty; expected a header row with the names of the columns",
                          file=path)
-    if all(_is_number(name) for name in names):
+    if all(is_number(name) for name in names):
         raise InputError("first row is numbers; expected a header row with the names of the columns",
                          file=path)
     for position, name in enumerate(names, start=1):
@@ -234,17 +234,9 @@ def _refuse_ragged(path: str | Path, body: pa.Buffer, names: list[str], dialect:
         raise InputError(f"is no row of cells: {error}", file=path, row=row + 1) from None
 
 
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return "_" not in cell
-
-
 def _number(path: str | Path, name: str, row: int, cell: str, dialect: Dialect) -> float:
     plain = dialect.plain(cell)
-    if not _is_number(plain):
+    if not is_number(plain):
         found = f"{reprlib.repr(cell)}{dialect.ambiguity(cell)}" if cell.strip() else "empty cell"
         raise InputError(f"{found}; expected a number", file=path, row=row, column=name)
     return float(plain)

@@ -39,5 +39,5 @@ def springs_not_estimated(fit: PoseFit) -> Iterator[str]:
     share = 1.0 - left(orthonormal(np.concatenate([own, springs], axis=1))) / max(rigid, 1e-300)
     if share > _MOST:
         yield (f"springs of {axes_in_words(asked)}, which are not estimated because the robot file declares "
-               f"no masses, would take {100 * share:.0f} % of what is left (square sum): use what `exactarm "
-               "diagnose` finds, or declare masses, or measure torques, before robot.toml is used")
+               f"no masses, would take {100 * share:.0f} % of what is left (square sum): `exactarm "
+               "diagnose` finds them; with declared masses or measured torques they are estimated here")
