@@ -277,8 +277,8 @@ def test_of_a_push_the_largest_component_is_told():
 
 def test_of_a_joint_that_gives_way_the_compliance_is_told_and_no_correction_of_its_load():
     """`tip`, what the guessed mass at the flange is off by, stood for the stiffness where it was larger."""
-    effect = RelativeCompliance(3, (3.8e-6, 4.9e-6, 0.0), False, False, True)
-    half = np.array([4e-7, 1e-6, 0.0])
+    effect = RelativeCompliance(3, (3.8e-6, 4.9e-6, 0.0, 0.0), False, False, True)
+    half = np.array([4e-7, 1e-6, 0.0, 0.0])
     finding = SimpleNamespace(effect=effect, derived={},
                               intervals=np.stack([effect.values - half, effect.values + half], axis=1))
     measure, size = _size(finding, None, ea.load_robot("gen3lite"))

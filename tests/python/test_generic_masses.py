@@ -147,5 +147,7 @@ def test_the_size_of_a_load_is_as_unknown_as_arms_differ():
     low, high = with_unknown_load(False, 2e-6, 1.9e-6, 2.1e-6)
     assert low == pytest.approx(2e-6 * np.exp(-1.96 * SPREAD), rel=0.01)
     assert low * high == pytest.approx(4e-12, rel=0.01)
+    cubed = with_unknown_load(False, -2e-9, -2.1e-9, -1.9e-9, 3)
+    assert cubed[0] / -2e-9 == pytest.approx(np.exp(3 * 1.96 * SPREAD), rel=0.01)
     assert with_unknown_load(True, -2e-6, -2.2e-6, -1.8e-6)[1] == pytest.approx(-1.46e-6, rel=0.02)
     assert with_unknown_load(True, 0.0, -1e-6, 2e-6) == pytest.approx((-1.342e-6, 2.684e-6), rel=1e-3)

@@ -132,10 +132,10 @@ def test_compliance_under_any_load_passes_the_central_difference(rng, measured, 
     tau = np.full((ROWS, 6), np.nan)
     tau[:, list(measured)] = rng.normal(0.0, 300.0, (ROWS, len(measured)))
     data = with_payload(poses(guessed, rng, tau=tau), rng.uniform(0.0, 10.0, ROWS))
+    relative = RelativeCompliance.none_of(guessed, 2, own_free=True, moments=moments, cubic_free=True)
     effects = (Frames.of(1, guessed.base, guessed.tool, False),
                JointCompliance.none_of(guessed, 1).with_values((4e-6, 1e-12)),
-               RelativeCompliance.none_of(guessed, 2, own_free=True, moments=moments).with_values(
-                   (5e-6, 2e-6, -1e-6, *rng.normal(0.0, 1e-6, 12 * moments))))
+               relative.with_values((5e-6, 2e-6, -1e-6, 1e-9, *rng.normal(0.0, 1e-6, 12 * moments))))
     layout = Layout.of(effects)
     found = predict_poses(guessed, layout, data)
     steps = [1e-3 * p.plausible for p in layout.parameters]
@@ -178,8 +178,8 @@ def test_a_payload_hangs_in_the_flange_frame_of_the_controller(tmp_path, rng):
 
 def test_relative_compliance_survives_the_robot_file_and_says_what_it_is_relative_to():
     for moments in (False, True):
-        effect = RelativeCompliance.none_of(six_axis(), 1, moments=moments)
-        effect = effect.with_values((4e-6, 1e-6, 0.0, *np.linspace(1e-8, 1e-6, 15 * moments)))
+        effect = RelativeCompliance.none_of(six_axis(), 1, moments=moments, cubic_free=True)
+        effect = effect.with_values((4e-6, 1e-6, 0.0, -1e-12, *np.linspace(1e-8, 1e-6, 15 * moments)))
         assert effect_from_table(effect.to_table()) == replace(effect, beside_spring=True)
         assert "generic" in effect.describe()
 

@@ -17,7 +17,7 @@ from exactarm.diagnose.verdict import NOTHING, UNEXPLAINED
 from exactarm.diagnose.vocabulary import vocabulary_of
 from exactarm.effects import effect_from_table
 from exactarm.effects.gear_ratio import GearRatio
-from exactarm.effects.joint_compliance import JointCompliance
+from exactarm.effects.joint_compliance import BEND, JointCompliance
 from exactarm.robot_file import load_robot
 from set_ups import joints_in_limits
 from test_closures import touched
@@ -72,6 +72,18 @@ def test_what_gives_way_of_a_heavy_arm_is_as_large_at_the_target_as_that_of_a_li
         sizes.append((block.size[0], block.size[0] * np.sqrt(np.mean(np.sum(moved**2, axis=1)))))
     assert sizes[0][0] == 5e-6 and sizes[0][1] == pytest.approx(0.26e-3, rel=0.1)
     assert sizes[1][1] == pytest.approx(1e-3) and sizes[1][0] < 1e-6
+
+
+def test_the_bend_of_a_spring_is_as_large_beside_it_for_arms_of_every_size():
+    """An eighth of the spring at the target, whatever the arm weighs: 1e-12 rad/Nm^3, that of arms of 500 kg,
+    was a thousandth of it on the UR10."""
+    robot, data = ur10(), data_with((), 80)[0]
+    problem = problem_for(robot, data, data, 1, 0)
+    fitted = problem.fit(problem.declared())
+    (block,) = vocabulary_of(fitted, [JointCompliance.none_of(robot, 1, cubic_free=True)], []).blocks
+    moved = np.sqrt(np.mean(np.sum(fitted.responses_of([block.effect])[0][:, :3] ** 2, axis=1), axis=0))
+    assert block.size[1] * moved[1] == pytest.approx(BEND * block.size[0] * moved[0])
+    assert block.size[1] > 50e-12
 
 
 def test_declared_springs_of_the_reference_robot_give_way_by_less_than_is_plausible():

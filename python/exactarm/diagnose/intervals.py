@@ -22,9 +22,10 @@ def intervals_of(effect: Effect, last: Fitted, where: slice, free: np.ndarray) -
     names = [parameter.name for parameter in effect.parameters()]
     for name, between in effect.searched_between(last.view).items():
         intervals[names.index(name)] = between
-    for k in np.flatnonzero(effect.per_guessed_load(last.view) & free):
+    powers = np.where(free, effect.per_guessed_load(last.view), 0)
+    for k in np.flatnonzero(powers):
         weighed = bool(last.robot.mass) or bool(last.view.measured_loads.any())
-        intervals[k] = with_unknown_load(weighed, effect.values[k], *intervals[k])
+        intervals[k] = with_unknown_load(weighed, effect.values[k], *intervals[k], int(powers[k]))
     if effect.per_load and effect.joint is not None and last.view.measured_loads[effect.index]:
         for column, k in enumerate(np.flatnonzero(free), start=where.start):
             wider = _wider_by_load(last, effect, column, k, np.ptp(intervals[k]) / 2.0)
@@ -39,6 +40,11 @@ def unseen(effect: Effect, last: Fitted, where: slice, free: np.ndarray) -> np.n
     deviation = np.zeros(len(free))
     deviation[free] = np.sqrt(np.diagonal(last.fit.covariance)[where])
     plausible = np.array([parameter.plausible for parameter in effect.parameters()])
+    beside = np.array([parameter.of_first for parameter in effect.parameters()])[free]
+    if beside.any() and free[0]:  # by what the rows show of both
+        moved = np.linalg.norm(last.jacobian[:, :, where], axis=(0, 1))
+        sizes = beside * plausible[0] * moved[0] / np.maximum(moved, np.finfo(float).tiny)
+        plausible[free] = np.where(beside > 0.0, sizes, plausible[free])
     return deviation * INVISIBLE > plausible * max(effect.quickness(last.view))
 
 

@@ -9,6 +9,7 @@ from typing import Self
 import numpy as np
 
 from exactarm.data.dataset import Dataset
+from exactarm.data.kinds.base import moving_axes
 from exactarm.data.split import pose_groups, pose_split
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.noise import repeat_scatter
@@ -75,11 +76,12 @@ class ProblemAtRest(Problem):
 
     def signals(self, fitted: Fitted) -> dict[Signal, np.ndarray]:
         view, data = fitted.view, self.data
-        signals = {place_of_axis(self.robot, i + 1): view.q[:, i] for i in range(view.axes)}
+        moves = self._moving(fitted)
+        signals = {place_of_axis(self.robot, i + 1): view.q[:, i] for i in np.flatnonzero(moves)}
         signals |= {Signal(LOAD, i + 1): view.torque[:, i] for i in range(view.axes)
                     if np.ptp(view.torque[:, i]) > 0}
         directions = view.direction
-        signals |= {Signal(APPROACH, i + 1): directions[:, i] for i in range(view.axes)
+        signals |= {Signal(APPROACH, i + 1): directions[:, i] for i in np.flatnonzero(moves)
                     if np.ptp(directions[:, i]) > 0}
         order = data.time if data.time is not None else np.arange(len(data), dtype=float)
         signals[Signal(TIME if data.time is not None else ORDER)] = order
@@ -87,8 +89,11 @@ class ProblemAtRest(Problem):
                           if np.ptp(values) > 0}
 
     def surfaces(self, fitted: Fitted) -> dict[Signal, np.ndarray]:
-        q = fitted.view.q
-        return {Signal(TWO_ANGLES): second_order(q[:, np.ptp(q, axis=0) > 0.0])}
+        return {Signal(TWO_ANGLES): second_order(fitted.view.q[:, self._moving(fitted)])}
+
+    def _moving(self, fitted: Fitted) -> np.ndarray:
+        """(n,) bool: axes that move. What the angle of one at rest scatters by is no place of its gear."""
+        return moving_axes(self.robot, np.ptp(fitted.view.q, axis=0))
 
     def correlation_factor(self, fitted: Fitted) -> float:
         return float(np.average(self._worth(fitted), weights=fitted.weight > 0.0))

@@ -210,7 +210,10 @@ def vocabulary_of(fitted, effects: list[Effect],
         share = (1.0 - UNKNOWN_MASS) / (len(axes) * len(axes[point.name]) * counts[point.label])
         size = np.array([min(p.plausible, p.prior) for p in parameters])
         if point.gives_way and not any(np.isfinite(p.prior) for p in parameters):
-            size = np.minimum(size, _MOST_GIVEN_M / np.maximum(_moved(response), _TINY))
+            moved = np.maximum(_moved(response), _TINY)
+            size = np.minimum(size, _MOST_GIVEN_M / moved)
+            beside = np.array([p.of_first for p in parameters])
+            size = np.where(beside > 0.0, beside * size[0] * moved[0] / moved, size)
         positive = np.array([p.lower == 0.0 for p in parameters])
         where = _same_columns(blocks, parts, point.label, response) or slice(at, at + response.shape[2])
         blocks.append(Block(point.label, point, None, where, size, positive, np.log(share) + point.log_odds,

@@ -123,7 +123,7 @@ class Effect(ABC):
         return self
 
     def per_guessed_load(self, view: View) -> np.ndarray:
-        """(k,) bool: values that are sizes per Nm of a load which generic masses make."""
+        """(k,) power of a load which generic masses make that each value is a size per; 0: of none."""
         guessed = view.robot.generic_masses if self.joint is None else view.guessed_load(self.index)
         return np.full(len(self.values), self.per_load and guessed)
 

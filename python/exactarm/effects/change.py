@@ -21,6 +21,8 @@ class Parameter:
     effect is linear in it and zero is a good start.
     `prior`: standard deviation of a Gaussian prior around zero that regularises one of many terms; inf =
     none.
+    `of_first`: how much it moves the target at that magnitude, beside the effect's first parameter, where
+    the magnitude itself would be another for arms of another size; 0 = that is not known.
     """
 
     name: str
@@ -30,6 +32,7 @@ class Parameter:
     fixed: bool = False
     search: tuple[float, ...] = ()
     prior: float = np.inf
+    of_first: float = 0.0
 
 
 @dataclass(frozen=True)

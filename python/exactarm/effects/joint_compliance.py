@@ -6,19 +6,20 @@ declared spring stays in the robot's tables; this is what is missing beside it.
 
 Where the masses are generic (robot/generic_masses.py) the load is right in kind, not in size, and its shape
 is a little wrong:
-    change of q = -(linear torque + tip torque_tip + own torque_own + sum_k m_k torque_k)
+    change of q = -(linear torque + cubic torque^3 + tip torque_tip + own torque_own + sum_k m_k torque_k)
 torque_tip: a tenth of the arm's mass at the flange, which makes up for a wrong distribution; torque_own: the
 links without the payload, estimated where known payloads differ from row to row: then `linear` is that of a
 known weight, in true Nm. torque_k: the first moment of a link, as large as the generic law has it (mx_3, my_3
 and mz_3 of link 3). Once `linear` is about known,
     tip ~ N(0, (AT_TIP linear)^2),   own ~ N(0, linear^2),   m_k ~ N(0, (DISTRIBUTION linear)^2)
-for poses that move few axes do not tell them from it.
+for poses that move few axes do not tell them from it; linear itself ~ N(0, spread^2), and the others by
+spread in its place, once a search has found how soft the axis is.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,6 +31,10 @@ _PLAUSIBLE = 5e-6
 # Tenths of the arm's mass that hang at the flange, standard deviation: arms carry up to a third of their own
 # (UR10 10 kg of 29, KR300 300 of 1,120, Panda 3 of 18).
 AT_TIP = 3.0
+# Of what a spring gives in all, what the bend of its curve does: at its rated torque a strain-wave gear is
+# nearly twice as stiff as at small ones (makers' tables, size 17, ratio 100: 1.0 and 1.6e4 Nm/rad), and
+# linear + 3 cubic T^2 = linear / 1.6 at T makes cubic T^3 an eighth of linear T.
+BEND = 0.125
 
 
 @dataclass(frozen=True)
@@ -57,7 +62,7 @@ class JointCompliance(Effect):
 
     def parameters(self) -> tuple[Parameter, ...]:
         return (Parameter("linear_rad_per_Nm", _PLAUSIBLE, -np.inf if self.beside_spring else 0.0),
-                Parameter("cubic_rad_per_Nm3", 1e-12, fixed=not self.cubic_free))
+                Parameter("cubic_rad_per_Nm3", 1e-12, fixed=not self.cubic_free, of_first=BEND))
 
     def describe(self) -> str:
         if self.values[0] < 0.0:
@@ -80,6 +85,11 @@ class JointCompliance(Effect):
     @property
     def _as_guessed(self) -> str:
         return ""
+
+    def per_guessed_load(self, view) -> np.ndarray:
+        """A third power: the cubic term's."""
+        power = [3 if p.name == "cubic_rad_per_Nm3" else 1 for p in self.parameters()]
+        return super().per_guessed_load(view) * np.array(power)
 
     def possible(self, robot, deviation) -> bool:
         stiffness = robot.joints[self.index].spring_linear
@@ -109,6 +119,7 @@ class JointCompliance(Effect):
                 forms = [(tip, False) for tip in sorted({True, varies})] + [(True, True)] * at_rest
                 yield from (RelativeCompliance.none_of(robot, i, tip, varies, moments)
                             for tip, moments in forms)
+                yield RelativeCompliance.none_of(robot, i, False, varies, cubic_free=True)
             else:
                 yield from (cls.none_of(robot, i, cubic) for cubic in (False, True))
 
@@ -120,54 +131,63 @@ class JointCompliance(Effect):
 @dataclass(frozen=True)
 class RelativeCompliance(JointCompliance):
     """Compliance under a generic load; tip_free, own_free: what is estimated beside the linear term; links:
-    those whose first moments are, too, the last ones of the arm, as (first, last) from 1."""
+    those whose first moments are, too, the last ones of the arm, as (first, last) from 1; spread: standard
+    deviation of the linear term, 0 = not known yet. Where poses move few axes, a spring ten times as soft
+    under a load that the flange takes nearly away does the same."""
 
     tip_free: bool = False
     own_free: bool = False
     links: tuple[int, int] | None = None
+    spread: float = 0.0
 
     kinds = WITH_TARGET
     load = "of its load"
 
     def parameters(self) -> tuple[Parameter, ...]:
         linear = abs(self.values[0]) if self.values else 0.0
-        about = max(linear, _PLAUSIBLE) if any(self.values) else np.inf
-        spread = DISTRIBUTION * (linear or _PLAUSIBLE)
+        about = self.spread or (max(linear, _PLAUSIBLE) if any(self.values) else np.inf)
+        spread = DISTRIBUTION * (self.spread or linear or _PLAUSIBLE)
         return (
-            Parameter("linear_rad_per_Nm", _PLAUSIBLE, -np.inf if self.beside_spring else 0.0),
+            Parameter("linear_rad_per_Nm", _PLAUSIBLE, -np.inf if self.beside_spring else 0.0,
+                      prior=self.spread or np.inf),
             Parameter("tip_rad_per_Nm", _PLAUSIBLE, fixed=not self.tip_free, prior=AT_TIP * about),
             Parameter("own_rad_per_Nm", _PLAUSIBLE, fixed=not self.own_free, prior=about),
+            JointCompliance.parameters(self)[1],
             *(Parameter(name, DISTRIBUTION * _PLAUSIBLE, prior=spread) for name in _moment_names(self.links)))
 
     def per_guessed_load(self, view) -> np.ndarray:
         """Beside payloads that are known, sizes are those of a known weight."""
-        return super().per_guessed_load(view) & (not self.own_free)
+        return super().per_guessed_load(view) * (not self.own_free)
+
+    def drawn_wider(self, scale: float) -> Effect:
+        return replace(self, spread=scale * _PLAUSIBLE)
 
     @property
     def _as_guessed(self) -> str:
         return "" if self.own_free else ", as a generic distribution of masses has it"
 
     def change(self, view) -> Change:
-        linear, tip, own, *shares = self.values
+        linear, tip, own, cubic, *shares = self.values
         i, (rows, n) = self.index, view.q.shape
         torque, parts = view.torque[:, i], {} if view.rest_load is None else view.rest_load.parts(view.q)
         nothing = np.zeros((rows, n)), np.zeros((rows, n, n))
         (by_tip, tip_slope), (by_own, own_slope) = parts.get("tip", nothing), parts.get("own", nothing)
-        columns = np.stack([torque, by_tip[:, i], by_own[:, i]], axis=1)
+        columns = np.stack([torque, by_tip[:, i], by_own[:, i], torque**3], axis=1)
         slope = tip * tip_slope[:, i] + own * own_slope[:, i]
         if shares:
             at_rest = view.rest_load is not None
             moments = view.rest_load.moments(view.q, i) if at_rest else np.zeros((rows, len(shares)))
             columns = np.concatenate([columns, moments], axis=1)
             slope = slope + (view.rest_load.moments_slope(view.q, i, shares) if at_rest else 0.0)
-        signals = {"torque": self.by_own_entry(view, -linear), "q": -slope[:, None, :]}
+        by_torque = self.by_own_entry(view, -(linear + 3.0 * cubic * torque**2))
+        signals = {"torque": by_torque, "q": -slope[:, None, :]}
         return Change((i,), -columns @ np.array(self.values)[:, None], -columns[:, None, :], signals)
 
     @classmethod
     def none_of(cls, robot, index: int, tip_free: bool = True, own_free: bool = False,
-                moments: bool = False) -> RelativeCompliance:
+                moments: bool = False, cubic_free: bool = False) -> RelativeCompliance:
         links = (index + 1, robot.axes) if moments else None
-        return cls(index + 1, (0.0,) * (3 + len(_moment_names(links))), False,
+        return cls(index + 1, (0.0,) * (4 + len(_moment_names(links))), cubic_free,
                    bool(robot.joints[index].spring_linear), tip_free, own_free, links)
 
     @classmethod
@@ -177,9 +197,10 @@ class RelativeCompliance(JointCompliance):
         while f"mx_{last}_rad_per_Nm" in table:
             last += 1
         links = (table["joint"], last - 1) if last > table["joint"] else None
-        raw = cls(table["joint"], (), tip_free=tip != 0.0, own_free=own != 0.0, links=links)
-        names = ["linear_rad_per_Nm", "tip_rad_per_Nm", "own_rad_per_Nm", *_moment_names(links)]
-        return raw.with_values(float(table[name]) for name in names)
+        cubic = float(table.get("cubic_rad_per_Nm3", 0.0))
+        raw = cls(table["joint"], (), cubic != 0.0, tip_free=tip != 0.0, own_free=own != 0.0, links=links)
+        moments = (float(table[name]) for name in _moment_names(links))
+        return raw.with_values((float(table["linear_rad_per_Nm"]), tip, own, cubic, *moments))
 
 
 def _moment_names(links: tuple[int, int] | None) -> list[str]:

@@ -66,12 +66,13 @@ def with_generic_masses(robot: Robot, mass: float | None = None) -> Robot:
     return robot if links is None else replace(robot, links=links, generic_masses=True)
 
 
-def with_unknown_load(weighed: bool, value: float, low: float, high: float) -> tuple[float, float]:
-    """The 95 % interval of a size per Nm of a generic load, from that for the load as it is taken; weighed:
-    the mass of the whole arm, or a torque, is known."""
-    doubt = _TWO_SIDED * (SPREAD_OF_SHAPE if weighed else SPREAD)
+def with_unknown_load(weighed: bool, value: float, low: float, high: float,
+                      power: int = 1) -> tuple[float, float]:
+    """The 95 % interval of a size per Nm (to this power) of a generic load, from that for the load as it is
+    taken; weighed: the mass of the whole arm, or a torque, is known."""
+    doubt = _TWO_SIDED * power * (SPREAD_OF_SHAPE if weighed else SPREAD)
     if value < 0.0:
-        low, high = with_unknown_load(weighed, -value, -high, -low)
+        low, high = with_unknown_load(weighed, -value, -high, -low, power)
         return -high, -low
     if low <= 0.0:
         return low * float(np.exp(doubt)), high * float(np.exp(doubt))
