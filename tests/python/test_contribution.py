@@ -113,6 +113,8 @@ def test_a_signal_is_followed_by_its_own_functions_only():
     (1.0, 100.0, "run-out"), (2.0, None, "ovality"), (100.0, 100.0, "motor"),
     (200.0, -100.0, "wave generator"),
     (37.0, 100.0, "gear"), (5.0, 100.0, "output side"),
+    (199.7, None, "twice at 100:1"), (99.3, None, "once at 100:1 or twice at 50:1"),
+    (99.3, 72.0, "teeth"), (84.0, None, "teeth"),
 ])
 def test_the_usual_source_of_an_order_follows_from_the_ratio(order, ratio, word):
     assert word in likely_source(order, ratio)
