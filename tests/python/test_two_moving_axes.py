@@ -12,6 +12,7 @@ from exactarm.data.dataset import Dataset
 from exactarm.diagnose.problems import problem_for
 from exactarm.effects.joint_compliance import RelativeCompliance
 from exactarm.first_aid.first_aid import first_aid
+from exactarm.identify.calibrate import calibrate
 from exactarm.robot.generic_masses import with_generic_masses
 from exactarm.robot_file import load_robot
 
@@ -93,3 +94,17 @@ def test_the_angle_of_an_axis_that_stands_is_no_signal():
     assert not names & {f"angle of axis {axis}" for axis in range(3, 8)}
     (surface,) = problem.surfaces(fitted).values()
     assert surface.shape[1] == 6  # a constant, two angles, their squares and product
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [3, 4, 6])
+def test_a_calibration_keeps_the_spring_that_moves_the_tool_most(seed):
+    """From one side of a stretched arm torques of axes 2, 4 and 6 are one shape. Asked beside lengths that
+    the noise hides, no spring was sure and all went: 0.45 to 0.62 mm were left in place of 0.30 to 0.41."""
+    data = grid(1.0, seed=seed)
+    result = calibrate(ARM, data.select(np.flatnonzero(data.joints["q"][:, 1] > 0.0)))
+    springs = {name: (value, sd) for name, value, sd in zip(
+        result.fit.layout.names, result.fit.fit.x, np.sqrt(np.diag(result.fit.fit.covariance)))
+        if name.startswith("joint_compliance")}
+    ((name, (value, sd)),) = springs.items()
+    assert name == "joint_compliance_2.linear_rad_per_Nm" and abs(value - SAG) < 3.0 * sd < 0.5 * SAG

@@ -57,6 +57,7 @@ if TYPE_CHECKING:
 FRAMES, GEOMETRY, JUDGING = "base and tool frames", "geometry, gears and springs", "judging held-out rows"
 _PARALLEL = 0.05  # share of all turning that is about another axis: deviations are a tenth of it
 _TOLD = 4.0  # standard deviations: of noise alone one size in 16,000
+_SOFTEST = 1e3  # times a plausible spring: no arm has one; so none is hidden by the noise before it is asked
 _BEYOND = 3.0  # standard deviations that the data would have a parameter beyond its bound
 
 
@@ -194,19 +195,37 @@ def fit_identifiable(robot: Robot, layout: Layout, data: Dataset, orientation: b
         worth = told
         flat = fit(kept)
     sigma = np.array([flat.sigma_position] + ([flat.sigma_orientation] if orientation else []))
-    fewer, result = identifiable_layout(robot, layout, data, orientation, sigma, options.threads, worth,
-                                        _told_sizes(layout, flat))
+    asked = robot, layout, data, orientation, sigma, options.threads, worth
+    springs = {name: _SOFTEST * p.plausible for name, p in zip(layout.names, layout.parameters)
+               if name.group is Group.EFFECT}
+    told = _told_sizes(layout, fit(identifiable_layout(*asked, springs)[0]), fit) if springs else {}
+    fewer, result = identifiable_layout(*asked, told)
     flat = flat if fewer.names == kept.names else fit(fewer)
     return fit(flat.layout, Drawn.around(geometry_layout(robot), flat.layout, flat.fit)), result
 
 
-def _told_sizes(layout: Layout, flat: PoseFit) -> dict[ParameterId, float]:
+def _told_sizes(layout: Layout, flat: PoseFit, fit: Callable[[Layout], PoseFit]) -> dict[ParameterId, float]:
     """Sizes of springs and loads that stand far out of their own uncertainty: those of arms differ by orders
-    of magnitude, and what is plausible for one is none of another. Lengths and angles have a tolerance."""
-    declared, spread = dict(zip(layout.names, layout.values)), np.sqrt(np.diag(flat.fit.covariance))
-    sizes = ((name, abs(value - declared[name]), sd)
-             for name, value, sd in zip(flat.layout.names, flat.fit.x, spread))
-    return {name: size for name, size, sd in sizes if name.group is Group.EFFECT and size > _TOLD * sd}
+    of magnitude, and what is plausible for one is none of another. Lengths and angles have a tolerance.
+
+    flat: a fit without lengths and angles that the noise hides. Of several springs that do alike none is sure
+    beside the others, and the fit may give all to the weakest: as long as one is in doubt, or at its bound,
+    the one that moves the tool least of it and of weaker ones is left out.
+    """
+    declared = dict(zip(layout.names, layout.values))
+    while True:
+        names = flat.layout.names
+        size = np.abs(flat.fit.x - np.array([declared[name] for name in names]))
+        spread = np.sqrt(np.diag(flat.fit.covariance))
+        springs = np.array([name.group is Group.EFFECT for name in names])
+        plausible = np.array([p.plausible for p in flat.layout.parameters])
+        told = springs & (size > _TOLD * spread) & ~flat.fit.at_bound
+        doubted = springs & ~told & ((spread > plausible) | flat.fit.at_bound)
+        if not doubted.any():
+            return {names[j]: float(size[j]) for j in np.flatnonzero(told)}
+        moves = plausible * np.linalg.norm(flat.prediction.jacobian[:, :3], axis=(0, 1))
+        weaker = springs & (moves <= moves[doubted].max())
+        flat = fit(flat.layout.without({names[np.flatnonzero(weaker)[np.argmin(moves[weaker])]]}))
 
 
 def identifiable_layout(robot: Robot, layout: Layout, data: Dataset, orientation: bool,
