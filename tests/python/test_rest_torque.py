@@ -58,6 +58,16 @@ def test_noise_and_friction_are_no_load():
     assert "current" in as_springs_carry(BARE, current).joints
 
 
+@pytest.mark.parametrize("seed", [3, 4, 5])
+@pytest.mark.parametrize("wrong", [1.0, 1.1, 1.3])
+def test_declared_masses_are_the_load_as_far_as_the_readings_allow(wrong, seed):
+    """Weights that are estimated alone leave `AMONG_NOISE` of the load; a right file leaves nothing."""
+    data, gravity = readings(0.1, FRICTION_NM, seed=seed)
+    declared = replace(puma(), links=tuple(replace(link, mass=wrong * link.mass) for link in puma().links))
+    found = as_springs_carry(declared, data).joints["tau"]
+    assert np.all(off(found, gravity) < (1e-9 if wrong == 1.0 else AMONG_NOISE))
+
+
 def test_a_further_payload_and_a_counterbalance_are_load():
     spring = lambda q: np.outer(np.cos(2.0 * q[:, 1] + 0.4), 60.0 * np.eye(6)[1])
     data, gravity = readings(0.1, 0.0, spring)

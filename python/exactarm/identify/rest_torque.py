@@ -13,6 +13,10 @@ Fuller 1987). The load is what a weight can be of them,
 Y pi: gravity of links of any mass and centre, of any payload in each further session; the waves of the axis'
 own angle, of a counterbalance, where the readings show them. Weighted least squares over all axes, each with
 its own noise. An axis of which gravity is not most keeps its readings, less the friction.
+
+Where masses are declared, pi ~ N(declared, (spread size)^2), size: a link's mass, or that at its length; the
+spread is the likeliest of a few (empirical Bayes, MacKay 1992), so that readings with noise do not undo what
+the file knows, and a file that is wrong does not bind them.
 """
 
 from dataclasses import replace
@@ -23,9 +27,9 @@ from scipy import special
 from exactarm import _core
 from exactarm.data.dataset import Dataset
 from exactarm.identify.loads import LEAST_SHARE, joint_angles
-from exactarm.numerics.factors import lstsq
+from exactarm.numerics.factors import lstsq, svd
 from exactarm.rest_load import TORQUE_ERROR, TORQUES, RestLoad, measured_at_rest, weighed
-from exactarm.robot.generic_masses import with_generic_masses
+from exactarm.robot.generic_masses import first_moments, with_generic_masses
 from exactarm.robot.robot import Robot
 
 AGAINST = -0.5  # correlation with gravity, from which on a sign is another: friction and noise make none
@@ -34,6 +38,7 @@ _SIGNIFICANT = 1e-3  # chance of readings without such waves to show them
 _READINGS_EACH = 2  # for every number that is estimated: fewer leave the readings as they are
 _PASSES = 3  # of weights by axis: a fourth changes no noise by 1e-4 of itself (poses of test_rest_torque.py)
 _LEAST_NOISE = 1e-9  # of the largest reading: arithmetic
+_SPREADS = (0.0, 0.01, 0.03, 0.1, 0.3, 1.0)  # of declared masses, from right to worth nothing
 _WORTH_A_WORD = 0.05  # of the spread of the readings of the axis that carries most
 
 
@@ -93,6 +98,9 @@ def _parts_of(robot: Robot, data: Dataset, measured: np.ndarray, axes: np.ndarra
     """Of measured axes: load (N, k), friction (k,) at most, RMS noise (k,), Nm; None of too few readings."""
     q = joint_angles(robot, data)
     known, weights = _of_weights(robot, data, q, axes)
+    sizes = _sizes(robot, weights.shape[2])
+    if sizes is not None:
+        known = known + _core.gravity_torque(robot.core, q, 1)[:, axes]
     readings = measured[:, axes] - known
     way = data.joints.get("approach", data.way)
     way = np.zeros_like(q) if way is None else np.nan_to_num(way)
@@ -102,7 +110,7 @@ def _parts_of(robot: Robot, data: Dataset, measured: np.ndarray, axes: np.ndarra
                               for turned in (np.cos, np.sin)]) for a in axes]
     own, found = [wave[:, :0] for wave in waves], None
     for _ in range(2):  # the second with the waves that the first has left
-        estimate = _estimate(readings, weights, own, still)
+        estimate = _estimate(readings, weights, own, still, sizes)
         if estimate is None:
             break
         found, left = estimate, readings - estimate[0] - estimate[1]
@@ -112,11 +120,11 @@ def _parts_of(robot: Robot, data: Dataset, measured: np.ndarray, axes: np.ndarra
     if found is None:
         return None
     load, beside = found
-    left, free = readings - load - beside, readings - beside
+    left, free = readings - load - beside, known + readings - beside
     spread = np.sum((free - free.mean(axis=0)) ** 2, axis=0)
     by_weight = np.sum(left**2, axis=0) <= (1.0 - LEAST_SHARE) * spread
     friction = np.ptp(beside, axis=0) / 2.0
-    return known + np.where(by_weight, load, free), friction, np.where(by_weight, left.std(axis=0), 0.0)
+    return np.where(by_weight, known + load, free), friction, np.where(by_weight, left.std(axis=0), 0.0)
 
 
 def _of_weights(robot: Robot, data: Dataset, q: np.ndarray, axes: np.ndarray
@@ -132,22 +140,53 @@ def _of_weights(robot: Robot, data: Dataset, q: np.ndarray, axes: np.ndarray
     return known, np.concatenate([links.reshape(*links.shape[:2], -1), *further], axis=2)
 
 
-def _estimate(readings: np.ndarray, weights: np.ndarray, own: list[np.ndarray], still: list[np.ndarray]
-              ) -> tuple[np.ndarray, np.ndarray] | None:
+def _sizes(robot: Robot, count: int) -> np.ndarray | None:
+    """(count,) of the masses and first moments of declared links; inf of what further sessions carry; None
+    of generic masses."""
+    if robot.generic_masses:
+        return None
+    mass = np.array([link.mass for link in robot.links])
+    moment = np.maximum(first_moments(robot), np.finfo(float).tiny)
+    own = np.column_stack([mass, *3 * [moment]]).ravel()
+    return np.append(own, np.full(count - own.size, np.inf))
+
+
+def _estimate(readings: np.ndarray, weights: np.ndarray, own: list[np.ndarray], still: list[np.ndarray],
+              sizes: np.ndarray | None) -> tuple[np.ndarray, np.ndarray] | None:
     """(N, k) of weights and waves `own`, and (N, k) of offset and friction `still`; None of too few."""
     blocks = [weights]
     for part, axis in ((part, axis) for each in (own, still) for axis, part in enumerate(each)):
         blocks.append(np.zeros((*readings.shape, part.shape[1])))
         blocks[-1][:, axis] = part
     design, loads = np.concatenate(blocks, axis=2), weights.shape[2] + sum(part.shape[1] for part in own)
+    size = np.full(design.shape[2], np.inf)
+    size[: weights.shape[2]] = np.inf if sizes is None else sizes
     noise, least = np.ones(readings.shape[1]), _LEAST_NOISE * np.abs(readings).max()
     for _ in range(_PASSES):
-        values, _, rank, _ = lstsq(
-            (design / noise[:, None]).reshape(readings.size, -1), (readings / noise).ravel())
+        whitened = (design / noise[:, None]).reshape(readings.size, -1)
+        values, rank = _likeliest(whitened, (readings / noise).ravel(), size)
         if readings.size < _READINGS_EACH * rank:
             return None
         noise = np.maximum((readings - design @ values).std(axis=0), max(least, np.finfo(float).tiny))
     return design[:, :, :loads] @ values[:loads], design[:, :, loads:] @ values[loads:]
+
+
+def _likeliest(design: np.ndarray, readings: np.ndarray, size: np.ndarray) -> tuple[np.ndarray, int]:
+    """Values (p,) of readings (R,) with noise of one, those of finite size drawn to zero by the likeliest of
+    `_SPREADS`, and the rank of the design (R, p)."""
+    values, _, rank, _ = lstsq(design, readings)
+    drawn = np.isfinite(size)
+    if not drawn.any():
+        return values, int(rank)
+    free = design[:, ~drawn]
+    across = lambda y: y - free @ lstsq(free, y)[0]
+    u, d, v = svd(across(design[:, drawn] * size[drawn]), full_matrices=False)
+    seen, square = u.T @ across(readings), d[:, None] ** 2 * np.square(_SPREADS)
+    likely = 0.5 * np.sum(square / (1.0 + square) * seen[:, None] ** 2 - np.log1p(square), axis=0)
+    spread = _SPREADS[int(np.argmax(likely))]
+    values[drawn] = size[drawn] * (v.T @ (spread**2 * d / (1.0 + (spread * d) ** 2) * seen))
+    values[~drawn] = lstsq(free, readings - design[:, drawn] @ values[drawn])[0]
+    return values, int(rank)
 
 
 def _shows(left: np.ndarray, still: np.ndarray, waves: np.ndarray) -> bool:
