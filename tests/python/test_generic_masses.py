@@ -9,6 +9,7 @@ from exactarm import _core
 from exactarm.chain import Layout, predict_tracked_motion
 from exactarm.data.dataset import Dataset
 from exactarm.effects.gravity_compensator import GravityCompensator
+from exactarm.effects.joint_compliance import RelativeCompliance
 from exactarm.errors import InputError
 from exactarm.rest_load import RestLoad
 from exactarm.robot.generic_masses import (
@@ -151,3 +152,14 @@ def test_the_size_of_a_load_is_as_unknown_as_arms_differ():
     assert cubed[0] / -2e-9 == pytest.approx(np.exp(3 * 1.96 * SPREAD), rel=0.01)
     assert with_unknown_load(True, -2e-6, -2.2e-6, -1.8e-6)[1] == pytest.approx(-1.46e-6, rel=0.02)
     assert with_unknown_load(True, 0.0, -1e-6, 2e-6) == pytest.approx((-1.342e-6, 2.684e-6), rel=1e-3)
+
+
+@pytest.mark.parametrize("values, can_be", [
+    ((1e-5, 1e-5, 0.0, 0.0), True),
+    ((0.0, 0.0, 0.0, 0.0), True),
+    ((0.0, 1e-5, 0.0, 0.0), False),
+])
+def test_no_arm_bends_under_a_share_of_its_weight_and_not_under_all_of_it(values, can_be):
+    """A spring at zero with its share at the flange was certain beside a base that gives way."""
+    spring = RelativeCompliance.none_of(load_robot("ur10"), 1).with_values(values)
+    assert spring.possible(load_robot("ur10"), np.zeros(4)) == can_be

@@ -11,10 +11,13 @@ from exactarm.diagnose.evidence import Members
 from exactarm.diagnose.posterior import Place
 from exactarm.effects import effect_from_table
 from exactarm.effects.gear_harmonics import GearHarmonics
+from exactarm.effects.joint_compliance import RelativeCompliance
+from exactarm.robot_file import load_robot
 
 BASE = effect_from_table({"effect": "base_compliance", "rad_per_Nm": 0.0})
 RUN_OUT = effect_from_table({"effect": "gear_eccentricity", "joint": 2, "first_cos_rad": 3e-4,
                              "first_sin_rad": 0.0})
+OF_A_SHARE = RelativeCompliance.none_of(load_robot("ur10"), 1).with_values((0.0, 1e-5, 0.0, 0.0))
 DECLARED = Layout.of(())
 
 
@@ -23,13 +26,14 @@ def fitted(effects, residual=0.0):
     layout = Layout.of(tuple(effects))
     held = np.concatenate([np.full(int(free.sum()), effect is BASE)
                            for effect, free in zip(layout.effects, layout.free)] or [np.zeros(0, bool)])
-    return SimpleNamespace(layout=layout, fit=SimpleNamespace(at_bound=held.astype(bool)),
-                           residual=np.full((5, 3), residual))
+    return SimpleNamespace(layout=layout, residual=np.full((5, 3), residual), robot=load_robot("ur10"),
+                           fit=SimpleNamespace(at_bound=held.astype(bool), covariance=np.eye(held.size)))
 
 
 @pytest.mark.parametrize(("effects", "idle"),
-                         [([BASE, RUN_OUT], [0]), ([RUN_OUT, BASE], [1]), ([RUN_OUT], [])])
-def test_what_a_bound_holds_at_zero_is_idle(effects, idle):
+                         [([BASE, RUN_OUT], [0]), ([RUN_OUT, BASE], [1]), ([RUN_OUT], []),
+                          ([OF_A_SHARE, RUN_OUT], [0])])
+def test_what_a_bound_holds_at_zero_or_no_arm_can_have_is_idle(effects, idle):
     assert posterior._idle(fitted(effects), DECLARED) == idle
 
 

@@ -375,12 +375,12 @@ def _confirmed(problem, declared, chosen, fitted, found: Found, places: list[Pla
 
 
 def _idle(fitted: Fitted, declared: Layout) -> list[int]:
-    """Places, behind the declared ones, of effects that their bounds hold at zero: they move nothing,
-    whatever they were taken for beside others."""
-    layout, first = fitted.layout, len(declared.effects)
-    each = list(zip(layout.effects, layout.free, layout.slices))[first:]
-    return [k for k, (effect, free, where) in enumerate(each)
-            if free.any() and fitted.fit.at_bound[where].all() and not np.any(np.array(effect.values)[free])]
+    """Places, behind the declared ones, of effects that their bounds hold at zero, or no arm can have."""
+    layout, spread = fitted.layout, np.sqrt(np.diag(fitted.fit.covariance))
+    each = list(zip(layout.effects, layout.free, layout.slices))[len(declared.effects) :]
+    held = lambda values, where: fitted.fit.at_bound[where].all() and not np.any(values)
+    return [k for k, (one, free, where) in enumerate(each) if free.any() and (
+        held(np.array(one.values)[free], where) or not one.possible(fitted.robot, spread[where]))]
 
 
 def _only(found: Found, places: list[Place]) -> Members:

@@ -159,6 +159,11 @@ class RelativeCompliance(JointCompliance):
         """Beside payloads that are known, sizes are those of a known weight."""
         return super().per_guessed_load(view) * (not self.own_free)
 
+    def possible(self, robot, deviation) -> bool:
+        """Where the arm's own weight bends nothing, no share of it does."""
+        gives_way = self.beside_spring or self.values[0] > 0.0 or not any(self.values)
+        return gives_way and super().possible(robot, deviation)
+
     def drawn_wider(self, scale: float) -> Effect:
         return replace(self, spread=scale * _PLAUSIBLE)
 
