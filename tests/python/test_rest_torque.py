@@ -10,6 +10,7 @@ from exactarm import _core
 from exactarm.data.dataset import Dataset
 from exactarm.identify.rest_torque import as_springs_carry
 from exactarm.rest_load import RestLoad
+from exactarm.robot.robot import Joint, Robot
 from three_arms import puma
 
 ROWS = 90
@@ -61,11 +62,21 @@ def test_noise_and_friction_are_no_load():
 @pytest.mark.parametrize("seed", [3, 4, 5])
 @pytest.mark.parametrize("wrong", [1.0, 1.1, 1.3])
 def test_declared_masses_are_the_load_as_far_as_the_readings_allow(wrong, seed):
-    """Weights that are estimated alone leave `AMONG_NOISE` of the load; a right file leaves nothing."""
+    """Weights that are estimated alone leave `AMONG_NOISE` of the load; a right file leaves nothing. Seeds 0
+    to 23 all do."""
     data, gravity = readings(0.1, FRICTION_NM, seed=seed)
     declared = replace(puma(), links=tuple(replace(link, mass=wrong * link.mass) for link in puma().links))
     found = as_springs_carry(declared, data).joints["tau"]
     assert np.all(off(found, gravity) < (1e-9 if wrong == 1.0 else AMONG_NOISE))
+
+
+def test_torques_of_axes_without_lengths_have_no_declared_masses():
+    """A turntable has neither links nor lengths that could stand for them."""
+    table = Robot("turntable", (Joint(),))
+    random = np.random.default_rng(0)  # any seed: nothing is compared
+    data = Dataset.of_arrays("poses", {name: random.normal(0.0, 1.0, (60, 1)) for name in ("q", "tau")},
+                             position=np.zeros((60, 3)))
+    assert np.isfinite(as_springs_carry(table, data).joints["tau"]).all()
 
 
 def test_a_further_payload_and_a_counterbalance_are_load():

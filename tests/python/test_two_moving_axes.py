@@ -72,7 +72,8 @@ def test_the_weight_at_the_flange_is_drawn_to_a_share_of_the_arm_s():
 @pytest.mark.parametrize("seed", [3, 4])
 def test_a_spring_that_stiffens_is_no_run_out(seed, torque):
     """A quarter less at the largest load. With a bend as small as those of large arms have it, and none under
-    a guessed load, a run-out of 5 mrad was named in two of these four, with 0.60 and 0.73."""
+    a guessed load, a run-out of 5 mrad was named in two of these four, with 0.60 and 0.73. Seeds
+    2 to 9 all hold."""
     result = ea.diagnose(ARM, grid(torque, 0.25, seed), threads=1)
     bent = compliance(result)
     assert result["verdict"] == "explained" and bent["cubic_rad_per_Nm3"] < 0.0 < bent["linear_rad_per_Nm"]
@@ -100,7 +101,9 @@ def test_the_angle_of_an_axis_that_stands_is_no_signal():
 @pytest.mark.parametrize("seed", [3, 4, 6])
 def test_a_calibration_keeps_the_spring_that_moves_the_tool_most(seed):
     """From one side of a stretched arm torques of axes 2, 4 and 6 are one shape. Asked beside lengths that
-    the noise hides, no spring was sure and all went: 0.45 to 0.62 mm were left in place of 0.30 to 0.41."""
+    the noise hides, no spring was sure and all went: 0.45 to 0.62 mm were left in place of 0.30 to 0.41.
+    Of seeds 2 to 13 all keep axis 2 alone, within 2.2 standard deviations; 2, 9 and 10 leave it a little less
+    sure than is asked here (three of them are 40 to 46 urad/Nm)."""
     data = grid(1.0, seed=seed)
     result = calibrate(ARM, data.select(np.flatnonzero(data.joints["q"][:, 1] > 0.0)))
     springs = {name: (value, sd) for name, value, sd in zip(

@@ -142,8 +142,8 @@ def _of_weights(robot: Robot, data: Dataset, q: np.ndarray, axes: np.ndarray
 
 def _sizes(robot: Robot, count: int) -> np.ndarray | None:
     """(count,) of the masses and first moments of declared links; inf of what further sessions carry; None
-    of generic masses."""
-    if robot.generic_masses:
+    of an arm that declares none."""
+    if robot.links is None or robot.generic_masses:
         return None
     mass = np.array([link.mass for link in robot.links])
     moment = np.maximum(first_moments(robot), np.finfo(float).tiny)
