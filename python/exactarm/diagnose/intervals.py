@@ -11,6 +11,7 @@ import numpy as np
 from exactarm.diagnose.decisions import INVISIBLE
 from exactarm.diagnose.fitted import Fitted
 from exactarm.effects.base import Effect
+from exactarm.effects.change import sizes_beside_first
 from exactarm.identify.load_doubt import left_open
 from exactarm.robot.generic_masses import with_unknown_load
 
@@ -40,11 +41,10 @@ def unseen(effect: Effect, last: Fitted, where: slice, free: np.ndarray) -> np.n
     deviation = np.zeros(len(free))
     deviation[free] = np.sqrt(np.diagonal(last.fit.covariance)[where])
     plausible = np.array([parameter.plausible for parameter in effect.parameters()])
-    beside = np.array([parameter.of_first for parameter in effect.parameters()])[free]
-    if beside.any() and free[0]:  # by what the rows show of both
+    estimated = [parameter for parameter, k in zip(effect.parameters(), free) if k]
+    if free[0] and any(parameter.of_first for parameter in estimated):
         moved = np.linalg.norm(last.jacobian[:, :, where], axis=(0, 1))
-        sizes = beside * plausible[0] * moved[0] / np.maximum(moved, np.finfo(float).tiny)
-        plausible[free] = np.where(beside > 0.0, sizes, plausible[free])
+        plausible[free] = sizes_beside_first(estimated, plausible[free], moved)
     return deviation * INVISIBLE > plausible * max(effect.quickness(last.view))
 
 

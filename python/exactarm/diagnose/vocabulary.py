@@ -25,6 +25,7 @@ import numpy as np
 from exactarm.diagnose.scan import free_mask, grid
 from exactarm.diagnose.unknown import Function, Unknown
 from exactarm.effects.base import Effect
+from exactarm.effects.change import sizes_beside_first
 
 # prior probability that a cause is none of the library's: one cause in five was, over the first sets of
 # others
@@ -211,9 +212,7 @@ def vocabulary_of(fitted, effects: list[Effect],
         size = np.array([min(p.plausible, p.prior) for p in parameters])
         if point.gives_way and not any(np.isfinite(p.prior) for p in parameters):
             moved = np.maximum(_moved(response), _TINY)
-            size = np.minimum(size, _MOST_GIVEN_M / moved)
-            beside = np.array([p.of_first for p in parameters])
-            size = np.where(beside > 0.0, beside * size[0] * moved[0] / moved, size)
+            size = sizes_beside_first(parameters, np.minimum(size, _MOST_GIVEN_M / moved), moved)
         positive = np.array([p.lower == 0.0 for p in parameters])
         where = _same_columns(blocks, parts, point.label, response) or slice(at, at + response.shape[2])
         blocks.append(Block(point.label, point, None, where, size, positive, np.log(share) + point.log_odds,

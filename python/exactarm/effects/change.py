@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,6 +33,14 @@ class Parameter:
     search: tuple[float, ...] = ()
     prior: float = np.inf
     of_first: float = 0.0
+
+
+def sizes_beside_first(parameters: Sequence[Parameter], sizes: np.ndarray, moved: np.ndarray) -> np.ndarray:
+    """(k,) plausible sizes of an effect's parameters, `of_first` taken by what the data show; moved (k,): how
+    much each moves the target at a size of one."""
+    share = np.array([parameter.of_first for parameter in parameters])
+    beside = share * sizes[0] * moved[0] / np.maximum(moved, np.finfo(float).tiny)
+    return np.where(share > 0.0, beside, sizes)
 
 
 @dataclass(frozen=True)
