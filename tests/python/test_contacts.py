@@ -96,6 +96,15 @@ def test_a_contact_starts_where_it_was_touched(cls):
     np.testing.assert_allclose(found.touch(points)[0], 0.0, atol=1e-12)
 
 
+def test_a_face_counted_anew_is_the_same_and_turns_by_its_tilts_again():
+    turned = Plane(None, (40.0, -25.0, 0.03), 1, 0, reference=contacts()[2].reference)
+    anew, points = turned.counted_anew(), RANDOM.normal(size=(5, 3))
+    assert anew.values == (0.0, 0.0, 0.03)
+    np.testing.assert_allclose(anew.touch(points)[0], turned.touch(points)[0], atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(anew.normal[1], axis=0), 1.0)
+    assert np.linalg.norm(turned.normal[1], axis=0).max() < 0.05
+
+
 def test_the_mean_of_a_pair_is_taken_off():
     values = RANDOM.normal(size=(5, 2))
     cleared = cleared_of_pairs(values, np.array([0, NO_CONTACT, 0, 1, 1]))

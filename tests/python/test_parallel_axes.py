@@ -84,3 +84,24 @@ def test_a_second_calibration_finds_a_zero_that_has_moved(leaning, axis):
     again = calibrate(first, replace(leaning[1], joints={"theta": theta}), OPTIONS)
     assert f"q_offset_{axis}_rad" in again.names
     assert again.after["validation"].rms < 1.5 * np.sqrt(3.0) * NOISE_M
+
+
+def gantry() -> Robot:
+    """Three sliding axes, square by the drawing, and a wrist."""
+    slides = [Joint(type="prismatic", zero=zero, alpha=alpha, q_min=0.0, q_max=travel)
+              for zero, alpha, travel in ((-RIGHT, -RIGHT, 3.0), (-RIGHT, -RIGHT, 2.0), (0.0, 0.0, 1.0))]
+    wrist = [Joint(d=d, alpha=alpha, q_min=-1.8, q_max=1.8)
+             for d, alpha in ((0.2, RIGHT), (0.0, -RIGHT), (0.15, 0.0))]
+    return Robot("gantry", (*slides, *wrist))
+
+
+def test_guides_that_are_not_square_are_geometry():
+    """What turns axis 3 about axis 2 is no zero of a sliding axis."""
+    rng, robot = np.random.default_rng(4), gantry()
+    assert ["beta_rad" in Geometry.of(robot, index).names for index in range(3)] == [False, True, True]
+    built = robot.with_joint(1, zero=robot.joints[1].zero + LEAN_RAD)
+    data = measured(robot, [at_random_place(built, rng)], [joints_in_limits(robot, ROWS, rng)], NOISE_M, rng)
+    result = calibrate(robot, data, OPTIONS)
+    low, high = result.intervals[result.names.index("beta_2_rad")]
+    assert low < -LEAN_RAD < high
+    assert result.after["validation"].rms < 1.2 * np.sqrt(3.0) * NOISE_M

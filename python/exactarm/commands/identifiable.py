@@ -57,6 +57,7 @@ from exactarm.identify.closures import (
     nominal_closures,
 )
 from exactarm.identify.compliance import compliance_layout
+from exactarm.identify.contact_starts import counted_anew
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
 from exactarm.identify.identifiability import Dropped, Identifiability, still_axes
 from exactarm.identify.match import Mismatch, require_match
@@ -179,7 +180,7 @@ def _closures(robot: Robot, data: Dataset, noise: float,
               arguments: argparse.Namespace) -> tuple[ModelCheck, _Poses]:
     nominal = nominal_closures(robot, data, carried_effects(robot, data), arguments.seed, arguments.threads)
     beside = geometry_layout(robot).joined(compliance_layout(robot, data))
-    setup = with_open_partner(nominal.layout)
+    setup = with_open_partner(counted_anew(nominal.layout))
     layout, found = identifiable_closures(robot, setup, beside, data, arguments.threads)
     deviations = expected_deviations(robot, layout, setup.joined(beside), data, noise,
                                      Pulls.of(geometry_layout(robot), data.fixture), arguments.threads)

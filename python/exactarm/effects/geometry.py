@@ -3,6 +3,8 @@
 Displacement of the target = identification Jacobian times deviation; a Hayati frame has `beta` and no `d`
 (but for a d that a calibration has put on record). A frame without `beta` whose axis is (nearly) parallel to
 the next one has it beside `d` all the same: nothing else lets that axis lean, and no arm is made without.
+So has the frame of a sliding axis behind the first: no zero of its own turns what it carries, as the zero of
+a revolute axis does (two guides that are not square; of the first axis, the base's frame holds this turn).
 Values are the parameters themselves, in the robot's tables.
 """
 
@@ -40,8 +42,8 @@ class Geometry(Effect):
         fields = {"d_m": joint.d, "a_m": joint.a, "alpha_rad": joint.alpha}
         if joint.beta is not None and f"d_{index + 1}_m" not in robot.intervals:
             del fields["d_m"]
-        parallel = index + 1 < robot.axes and tilt_of_next(joint) < NEARLY_PARALLEL
-        if joint.beta is not None or parallel:
+        leans = tilt_of_next(joint) < NEARLY_PARALLEL or (index > 0 and joint.type == "prismatic")
+        if joint.beta is not None or (leans and index + 1 < robot.axes):
             fields["beta_rad"] = joint.beta or 0.0
         return Geometry(index + 1, tuple(fields.values()), tuple(fields))
 

@@ -22,7 +22,7 @@ from exactarm.identify.calibrate import GEOMETRY, JUDGING, Calibration, Calibrat
 from exactarm.identify.closure_fit import ClosureFit, Pulls, fit_closures
 from exactarm.identify.closure_scale import gravity_alone, longest_length, scale_is_known, with_held_in_doubt
 from exactarm.identify.compliance import compliance_layout
-from exactarm.identify.contact_starts import sought_anew, with_contacts
+from exactarm.identify.contact_starts import counted_anew, sought_anew, with_contacts
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
 from exactarm.identify.identifiability import Dropped, Identifiability, select_identifiable, still_axes
 from exactarm.identify.judged_rows import judged_rows, unjudged_lines
@@ -128,7 +128,7 @@ def declare_closures(robot: Robot, data: Dataset, compliance: tuple[int, ...] | 
     carried = carried_effects(robot, data) if carried is None else carried
     nominal = nominal_closures(robot, data, carried, seed, threads, sessions or sessions_of(data))
     geometry = geometry_layout(robot)
-    start = nominal.layout.at(nominal.layout.values)
+    start = counted_anew(nominal.layout.at(nominal.layout.values))
     setup = with_open_partner(start.only(range(len(start.effects) - len(carried.effects))))
 
     def fitted(setup: Layout) -> tuple[Layout, Layout, Pulls, Identifiability, ClosureFit]:

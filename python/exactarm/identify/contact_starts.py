@@ -51,3 +51,10 @@ def sought_anew(robot: Robot, fit: ClosureFit, data: Dataset, pulls: Pulls, thre
             break
         fit = anew
     return fit
+
+
+def counted_anew(layout: Layout) -> Layout:
+    """The layout with every touched contact counted from where it is: a face that has turned far from where
+    it started hardly follows its tilts any more, and they would be taken for unseen."""
+    return Layout(tuple(effect.counted_anew() if isinstance(effect, Touched) else effect
+                        for effect in layout.effects), layout.free)

@@ -43,6 +43,10 @@ class Touched(Contact):
         """Numbers (K, c) of a touch at `points`, by point (K, c, 3), by the parameters (K, c, k)."""
         raise NotImplementedError
 
+    def counted_anew(self) -> Touched:
+        """The same, its values counted from where it is."""
+        return self
+
     def started(self, view, at):
         return self.start(_points(view, at), None)
 
@@ -88,6 +92,13 @@ class Plane(Touched):
         axes = (middle, normal, u, v)
         height = float(np.median((points - middle) @ normal))
         return replace(self, values=(0.0, 0.0, height),
+                       reference=tuple(tuple(float(x) for x in axis) for axis in axes))
+
+    def counted_anew(self):
+        n = self.normal[0]
+        u, v = svd(n[None])[2][1:]
+        axes = (self.reference[0], n, u, v)
+        return replace(self, values=(0.0, 0.0, self.values[2]),
                        reference=tuple(tuple(float(x) for x in axis) for axis in axes))
 
     @property
