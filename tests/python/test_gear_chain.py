@@ -48,7 +48,7 @@ EFFECTS = (
     GyroScale(None, (2e-3,)),
     GyroBias(None, (1e-3, -2e-3, 5e-4)),
     GyroGSensitivity(None, (1e-3, 2e-3, -5e-4, 4e-4, -1e-3, 3e-4, 2e-4, 6e-4, -7e-4)),
-    GyroMisalignment(None, (2.0, 0.01, -0.02)),
+    GyroMisalignment(None, (2.0, 0.01, -0.02, 0.015)),
     GyroAlignment(2, (0.02, -0.03)),
     GyroAlignment(2, (0.02, -0.03), flipped=True),
 )

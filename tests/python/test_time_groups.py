@@ -8,6 +8,7 @@ import pytest
 
 from exactarm.chain import predict_gear_run
 from exactarm.data.dataset import Dataset
+from exactarm.diagnose.cross_validation import CrossValidation
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.time_groups import stretches_of_response
 from exactarm.diagnose.verdict import EXPLAINED
@@ -19,10 +20,16 @@ from exactarm.simulate.sensors import read
 RUNS = np.repeat(np.arange(1, 7), 200)
 
 
+def lost_of(response):
+    """(N,) of an effect beside which nothing is free: each run's own share."""
+    shares = np.bincount(RUNS, weights=response) / max(response.sum(), 1e-300)
+    return shares[RUNS]
+
+
 def test_what_one_run_shows_is_judged_by_stretches_of_equal_response():
     response = np.where(RUNS == 4, 1.0, 1e-4)
     response[700:] *= np.where(RUNS[700:] == 4, 3.0, 1.0)
-    groups = stretches_of_response(RUNS, response, memory_rows=1.0)
+    groups = stretches_of_response(RUNS, response, lost_of(response), memory_rows=1.0)
     assert np.array_equal(groups[RUNS != 4], RUNS[RUNS != 4])
     inside = groups[RUNS == 4]
     shares = np.array([response[RUNS == 4][inside == name].sum() for name in np.unique(inside)])
@@ -36,7 +43,19 @@ def test_what_one_run_shows_is_judged_by_stretches_of_equal_response():
     (np.zeros(RUNS.size), 1.0),
 ])
 def test_all_else_is_judged_by_whole_groups(response, memory):
-    assert stretches_of_response(RUNS, response, memory) is RUNS
+    assert stretches_of_response(RUNS, response, lost_of(response), memory) is RUNS
+
+
+def test_what_goes_with_one_run_is_judged_by_its_stretches_though_all_show_it():
+    """A step before the last run beside a free constant: the others alone take it for the constant."""
+    basis = np.full((RUNS.size, 1), RUNS.size**-0.5)
+    step = (RUNS == 6) - np.mean(RUNS == 6)
+    column = (step / np.linalg.norm(step))[:, None]
+    told = CrossValidation(basis, np.zeros(RUNS.size), RUNS.size, RUNS - 1).told_by_others(column)
+    np.testing.assert_allclose(told[5], 0.0, atol=1e-9)
+    assert np.all(told[:5] > 0.9)
+    groups = stretches_of_response(RUNS, column[:, 0]**2, (1.0 - told)[RUNS - 1], memory_rows=1.0)
+    assert np.array_equal(groups[RUNS < 6], RUNS[RUNS < 6]) and len(np.unique(groups[RUNS == 6])) == 20
 
 
 @pytest.mark.slow

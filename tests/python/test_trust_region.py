@@ -40,3 +40,11 @@ def test_many_dependent_columns_are_left_to_the_spectrum():
     few = free & (np.arange(COLUMNS) < 3 * WEAK) | (np.arange(COLUMNS) >= COLUMNS - WEAK)
     few[3 * WEAK - 1] = False
     assert model.lowest(few, model.gradient[few]) is None
+
+
+def test_where_pivoting_shows_none_that_depends_on_others_there_is_nothing_to_part():
+    """An unpivoted factor may fail of them all the same; J'r of no columns at all was asked for."""
+    model, free = model_of(1.0)
+    gram = model.gram[np.ix_(free, free)]
+    found = model._lowest_in_two(gram, free, model.gradient[free])
+    assert_allclose(found, -np.linalg.solve(gram, model.gradient[free]), rtol=1e-9)

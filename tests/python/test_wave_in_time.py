@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from scipy.integrate import cumulative_trapezoid
 from exactarm.data.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.verdict import NOTHING
+from exactarm.diagnose.wave_in_time import _Cause, _Contest, waves
 from exactarm.numerics.signals import gaussian_filter
 from exactarm.robot_file import load_robot
 
@@ -49,6 +51,23 @@ def one_speed(robot, *, gear=False, shakes=None, hertz=SHAKE_HZ):
 
 def frequency_told(result):
     return float(re.search(r"([\d.]+) Hz", result.sentence)[1])
+
+
+def test_what_the_declared_parameters_explain_is_no_wave_and_no_effect():
+    """Cleared of them only rounding is left, whose products are of any sign."""
+    time, rng = np.arange(400) * STEP_S, np.random.default_rng(2)
+    runs, hertz = [np.arange(400)], 5.0
+    line = waves(time, hertz, 1)[:, None]  # (N, 1, 2)
+    basis = np.linalg.qr(np.concatenate([line[:, 0], np.ones((400, 1))], axis=1))[0]
+    residual = rng.normal(size=400)
+    residual -= basis @ (basis.T @ residual)
+    bare = SimpleNamespace(basis=basis, residual=residual[:, None], free_residual=residual, data_numbers=400,
+                           standard=lambda response: response.reshape(400, -1))
+    causes = [_Cause(1e5 * basis @ rng.normal(size=(3, 9)), np.full(9, np.inf), 1.0)]
+    contest = _Contest(bare, causes, runs, time, 400.0, 1)
+    wave = contest.wave(hertz, 1)
+    assert_allclose(contest.left(wave), residual, atol=1e-4)
+    assert np.isfinite(contest.best(wave)[0])
 
 
 @pytest.mark.parametrize("begins_with_run", [False, pytest.param(True, marks=pytest.mark.slow)])

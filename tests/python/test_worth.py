@@ -37,7 +37,7 @@ def state_of(residual):
 
 
 def problem_of(groups, least_share=0.02, stretches=None, least_elsewhere=0.0, rounding=0.0):
-    return SimpleNamespace(groups=lambda: groups, groups_for=lambda response: groups, seed=0,
+    return SimpleNamespace(groups=lambda: groups, groups_for=lambda response, lost: groups, seed=0,
                            at_one_place=lambda effect: False,
                            units=lambda folds: folds, numbers_to_explain=lambda response: response > 0.0,
                            least_share=least_share, stretches=lambda: stretches,

@@ -92,8 +92,9 @@ def verdict_of(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contr
     lacks = {finding.effect.label for finding in named}
     lacked = [pair for pair in found if pair[0].effect.label in lacks]
     text = (
-        f"The model {causes_in_words(result, lacked, robot.axes)}. With this in it the RMS error on "
-        f"{whose} {change(before, after, result.unit)}{_many_left_out(result, judged)}."
+        f"The model {causes_in_words(result, lacked, robot.axes)}. With this in it the RMS error"
+        f"{result.problem.error_along} on {whose} {change(before, after, result.unit)}"
+        f"{_many_left_out(result, judged)}."
         f"{beside(refuted, result.dropped)}")
     doubtful = [a for a in result.alternatives if a.collides]
     if doubtful:

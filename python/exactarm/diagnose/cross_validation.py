@@ -98,6 +98,16 @@ class CrossValidation:
             values = _solved(lower, onto - own.T @ answer - within.T @ part.right)
             yield part, part.error - beyond @ values, beyond
 
+    def told_by_others(self, columns: np.ndarray) -> np.ndarray:
+        """(folds,) share of what orthonormal columns (R, k), cleared of the basis, tell that they still tell
+        where a fold is left out: trace S / k."""
+        found = []
+        for part in self._parts:
+            own = columns[part.rows]
+            within = _solved(part.lower, -part.own.T @ own)
+            found.append(1.0 - (np.sum(own**2) + np.sum(within**2)) / max(columns.shape[1], 1))
+        return np.array(found)
+
     def squares(self, columns: np.ndarray | None = None, prior: np.ndarray | None = None) -> np.ndarray:
         """(folds,) square sum of the held-out residual with the free parameters and `columns` (R, k), if any,
         refitted.

@@ -178,8 +178,10 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     noise = noise_floor(problem, last)
     left = dossier(problem, last)
     had = left if first is last else dossier(problem, first)
+    gone = _gone(errors)
+    between = rows_undecided(last.layout, problem.data, problem.held_out)[gone]
     before, after, tried = ({name: summarise(values[np.isfinite(values)]) for name, values in each.items()}
-                            for each in (errors[0], errors[-1], asked.errors[-1]))
+                            for each in (_without(errors[0], gone[between]), errors[-1], asked.errors[-1]))
     findings = tuple(_finding(accepted, last, declared, place, errors, problem,
                               own[place] if own else None, judged.sure[place])
                      for place, accepted in enumerate(selection.accepted))
@@ -211,8 +213,6 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     gain, told = sum((judged if findings else asked).gains), after if findings else tried
     worse = gain < 0.0 and rises(before, told)
     undecided = selection.undecided
-    gone = _gone(errors)
-    between = rows_undecided(last.layout, problem.data, problem.held_out)[gone]
     wrong = (last.weight == 0.0) & (first.weight > 0.0)  # rows that an effect of the record leaves out
     more = more_left_out(int(wrong.sum()), len(wrong), int(np.sum(~between)), len(problem.held_out))
     if unconverged or refuted or worse or waves or undecided or gain < AGAINST or more:
@@ -234,7 +234,7 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
         alternatives=alternatives, verdict=verdict,
         sentence=no_verdict(unconverged) if unconverged else sentence_of(
             of_what_is_left, findings, alternatives, before, told, left, excess, unknown, gain, undecided,
-            withdrawn, dropped[::-1], bool(beyond and beyond.faint)) + preferred,
+            withdrawn, dropped[::-1], bool(beyond and beyond.faint), problem.error_along) + preferred,
         preferred="" if of_what_is_left == UNEXPLAINED else preferred,
         dropped=dropped,
         causes=causes, unconverged=unconverged, drafts=drafts, unknown=unknown, excess=excess,
@@ -324,6 +324,13 @@ def _search(problem: Problem, declared: Layout, progress: Progress) -> tuple[Sel
 def _gone(errors: list[dict[str, np.ndarray]]) -> np.ndarray:
     """Validation rows that the last model leaves out and the first did not."""
     return np.flatnonzero(np.isfinite(errors[0]["validation"]) & np.isnan(errors[-1]["validation"]))
+
+
+def _without(errors: dict[str, np.ndarray], rows: np.ndarray) -> dict[str, np.ndarray]:
+    """The errors without those of validation rows that judge nothing."""
+    validation = errors["validation"].copy()
+    validation[rows] = np.nan
+    return errors | {"validation": validation}
 
 
 def _unseen(finding: Finding) -> str:

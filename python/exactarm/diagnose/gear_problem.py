@@ -24,7 +24,7 @@ from exactarm.data.even_readings import at_even_readings
 from exactarm.data.kinds import GEAR_RUN
 from exactarm.diagnose.changing_waves import changing_waves
 from exactarm.diagnose.coloured_noise import NOISE_LAG_S
-from exactarm.diagnose.fitted import Fitted
+from exactarm.diagnose.fitted import Fitted, rows_judged
 from exactarm.diagnose.next_runs import separating_run
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.problem_in_time import ProblemInTime
@@ -83,7 +83,7 @@ class GearProblem(ProblemInTime):
     """Runs of one axis at a time under a gyroscope, or of all axes together between encoders."""
 
     kind = GEAR_RUN.name
-    unit = "rad/s"
+    unit, error_along = "rad/s", " along the moving axis"
     most_waves_in_time = 3
     unknown_rivals = drafts = True
     followed_by_effects = frozenset({ANGLE, TRAVEL, LOAD, DIRECTION, MOTOR_ANGLE})
@@ -98,7 +98,7 @@ class GearProblem(ProblemInTime):
         self.resampled, self.record = resampled_run(robot, data, self._records["identification"])
         self._step = typical_step(self.resampled.time[self.record.runs[0]])
         if self.record.encoder_axes:
-            self.unit = "rad"
+            self.unit, self.error_along = "rad", ""
 
     def _new_record(self, data: Dataset) -> GearRecord:
         return gear_record(self.robot, data, accelerating=True)
@@ -208,7 +208,8 @@ class GearProblem(ProblemInTime):
         prediction = self._predicted(fitted.layout, new, data, record)
         residual = prediction.residual()
         if prediction.along is not None:
-            return np.where(record.keep, np.einsum("ij,ij->i", residual, prediction.along), np.nan)
+            judged = record.keep & rows_judged(fitted.layout, prediction.view, self.data)
+            return np.where(judged, np.einsum("ij,ij->i", residual, prediction.along), np.nan)
         known = {effect.zero_of for effect in fitted.layout.effects}
         for rows in prediction.view.runs:
             # A run that was not fitted has an offset of its own, which belongs to the set-up.
@@ -372,8 +373,9 @@ class GearProblem(ProblemInTime):
     def _waves_left(self, fitted: Fitted, floor: float) -> tuple[Structure, ...]:
         hertz = self._line_left(fitted, floor)
         if hertz is None:
-            steady = any(oscillation(column) for column in self._pieces(fitted))
-            return (Structure("an oscillation whose size is steady stands in its noise"),) if steady else ()
+            if not any(oscillation(column) for column in self._pieces(fitted)):
+                return ()
+            return (Structure("an oscillation whose size is steady stands in its noise"),)
         return (Structure(f"waves stand out of its noise, the highest at {hertz:.3g} Hz", hertz=hertz),)
 
     def _line_left(self, fitted: Fitted, floor: float) -> float | None:

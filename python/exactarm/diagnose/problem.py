@@ -28,6 +28,7 @@ class Problem(ABC):
     """One kind of data of one robot. `data` are the identification rows, `held_out` the validation rows."""
 
     unit: str = ""
+    error_along: str = ""  # in words, where the error is one component of what was measured
     kind: str = ""
     repeat_source = "repeated visits of the same pose"
     by_posterior = False  # whether causes are found by the posterior over sets of them
@@ -109,8 +110,9 @@ class Problem(ABC):
         """(N,) from 0: parts of the identification rows that bagged probabilities draw whole (bagging.py)."""
         return np.unique(self.groups(), return_inverse=True)[1]
 
-    def groups_for(self, response: np.ndarray) -> np.ndarray:
-        """The groups by which an effect is judged whose response has the square (N,) in each row."""
+    def groups_for(self, response: np.ndarray, lost: np.ndarray) -> np.ndarray:
+        """The groups by which an effect is judged whose response has the square (N,) in each row; lost (N,):
+        share of what is told of it that goes with the row's group."""
         return self.groups()
 
     @abstractmethod
@@ -300,7 +302,7 @@ class Problem(ABC):
         """RMS per axis of the judged rows, where the kind of data has one number per axis; else None."""
         rms = [self.rms_by_axis(fitted, self.judged) for fitted in (before, after)]
         return [{"joint": axis + 1, "before": rms[0][axis], "after": rms[1][axis]}
-                for axis in sorted(rms[0])] or None
+                for axis in sorted(rms[0].keys() & rms[1].keys())] or None
 
     def rms_by_axis(self, fitted: Fitted, data: Dataset) -> dict[int, float]:
         """RMS of any rows by axis (from 0)."""

@@ -129,8 +129,8 @@ class ProblemInTime(Problem):
         pieces = np.stack([self.run, time_groups(self.run)])
         return np.unique(pieces, axis=1, return_inverse=True)[1].ravel()
 
-    def groups_for(self, response: np.ndarray) -> np.ndarray:
-        return stretches_of_response(self.groups(), response, 1.0 / self._noise.share)
+    def groups_for(self, response: np.ndarray, lost: np.ndarray) -> np.ndarray:
+        return stretches_of_response(self.groups(), response, lost, 1.0 / self._noise.share)
 
     def correlation_factor(self, fitted: Fitted) -> float:
         return fitted.noise.share

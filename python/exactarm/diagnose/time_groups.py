@@ -3,8 +3,9 @@ order of time.
 
 So each part takes stretches of every run, at the slow and at the fast end of it.
 
-What shows in one group only (the memory of a drive, in the one run that reverses) is learnt nowhere else: for
-such an effect that group is cut into stretches, each with as much of the effect's response as the next.
+What one group only tells (the memory of a drive, in the one run that reverses; a mount that slipped before
+the last run) is learnt nowhere else: for such an effect that group is cut into stretches, each with as much
+of the effect's response as the next.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 
 _PIECES = 20
 _RUNS_ENOUGH = 5
-# of the response in one group: what the others tell of it is ten times less sure than the effect is there
+# of what is told, lost without one group: what the others tell is ten times less sure than the effect there
 _SEEN_ONCE = 0.9
 _LEAST_STRETCHES, _ROWS_OF_NOISE = 4, 2.0  # a stretch lasts as long as noise remembers, twice
 
@@ -32,18 +33,19 @@ def time_groups(run: np.ndarray, pieces: int = _PIECES) -> np.ndarray:
     return groups
 
 
-def stretches_of_response(groups: np.ndarray, response: np.ndarray, memory_rows: float) -> np.ndarray:
-    """`groups` (N,), those of an effect that shows in one of them alone cut into stretches of equal response.
+def stretches_of_response(groups: np.ndarray, response: np.ndarray, lost: np.ndarray,
+                          memory_rows: float) -> np.ndarray:
+    """`groups` (N,), those of an effect that one of them alone tells cut into stretches of equal response.
 
-    response (N,): square of what the effect does in each row; memory_rows: so many rows are worth one
-    independent one.
+    response (N,): square of what the effect does in each row; lost (N,): share of what is told of it that
+    goes with the row's group; memory_rows: so many rows are worth one independent one.
     """
     names, inverse = np.unique(groups, return_inverse=True)
     shares = np.bincount(inverse, weights=response)
     total = shares.sum()
-    if total <= 0.0 or shares.max() < _SEEN_ONCE * total:
-        return groups
     rows = np.flatnonzero(inverse == shares.argmax())
+    if total <= 0.0 or lost[rows].max(initial=0.0) < _SEEN_ONCE:
+        return groups
     part = response[rows]
     count = int(min(part.sum() ** 2 / np.sum(part**2) / (_ROWS_OF_NOISE * memory_rows), _PIECES))
     if count < _LEAST_STRETCHES:

@@ -191,11 +191,11 @@ def remains(left: Dossier, excess: float, unknown: tuple[Structure, ...] = (),
 def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, excess: float,
                 unknown: tuple[Structure, ...] = (), gain: float = 0.0,
                 undecided: Undecided | None = None, withdrawn: tuple[str, ...] = (), dropped=(),
-                faint: bool = False) -> str:
+                faint: bool = False, along: str = "") -> str:
     """The verdict in one sentence that a technician understands; gain: of the held-out rows, in nats;
     undecided: causes of which one is missing; withdrawn: of those that held-out rows refute where
     nothing need be missing; dropped: effects that are no longer in the model; faint: what is left takes less
-    away than an effect must."""
+    away than an effect must; along: which component the error is, in words."""
     unnamed = "too small for a cause to be named" if faint else "that nothing in the library explains"
     judged = "validation" if after["validation"].n else "identification"
     if findings or dropped:
@@ -207,7 +207,7 @@ def sentence_of(verdict, findings, alternatives, before, after, left: Dossier, e
         falls = (f"{'falls' if fall > 0.0 else 'rises'} by {100 * abs(fall):.0f} %"
                  if abs(fall) >= _NO_CHANGE else "does not change")
         asked_for = f"The fitted rows ask for {_listed([f.effect.title for f in asked])}"
-        text = f"{_lacks(stood) if named else asked_for}; with {it} the {judged} RMS error {falls}."
+        text = f"{_lacks(stood) if named else asked_for}; with {it} the {judged} RMS error{along} {falls}."
         text += beside(refuted if named else (), dropped if findings else ())
         doubtful = [a for a in alternatives if a.collides]
         if doubtful:

@@ -194,6 +194,8 @@ class _Contest:
         self._slices = [np.arange(a, b) for a, b in zip(ends[:-1], ends[1:])]
         columns = np.concatenate([cause.columns for cause in causes], axis=1)
         self._columns = columns - bare.basis @ (bare.basis.T @ columns)
+        rounding = np.sqrt(np.finfo(float).eps) * np.linalg.norm(columns, axis=0)
+        self._columns[:, np.linalg.norm(self._columns, axis=0) < rounding] = 0.0
         self._residual = bare.free_residual
         self._square = float(self._residual @ self._residual)
         self._gram = self._columns.T @ self._columns
@@ -245,7 +247,8 @@ class _Contest:
         beside, own = beside.reshape(len(beside), -1), own.reshape(np.prod(wide), -1)
         count = self._columns.shape[1]
         cross, onto, absorbed = beside[:count], beside[count], beside[count + 1 :]
-        own -= absorbed.T @ absorbed
+        lost = RIDGE * np.diag(own)  # of what the declared parameters explain rounding would be left
+        own -= absorbed.T @ absorbed - np.diag(lost)
         gram = np.block([[self._gram, cross], [cross.T, own]])
         return _Wave(frequency, columns, absorbed, 1.0, gram, np.concatenate([self._onto, onto]),
                      float(np.sqrt(np.median(np.diag(own)))))

@@ -41,7 +41,9 @@ def takes_enough(problem: Problem, fitted: Fitted, columns: np.ndarray, prior: n
                  parted: CrossValidation, least_share: float) -> bool:
     """Whether columns (R, k), with standard deviations (k,) of their coefficients, take that share of the
     held-out square sum away, and surely so."""
-    groups = problem.groups_for(_response(fitted, columns))
+    alone = orthonormal(fitted.cleared(columns))
+    lost = 1.0 - parted.told_by_others(alone)[parted.folds]
+    groups = problem.groups_for(by_row(alone, fitted), lost)
     if not np.array_equal(groups, problem.groups()):
         parted = CrossValidation.of(fitted, folds_of(groups, problem.seed))
     units, without = problem.units(parted.folds), parted.numbers_squared()
@@ -109,12 +111,6 @@ def _showing(fitted: Fitted, columns: np.ndarray, units: np.ndarray) -> np.ndarr
     response = np.bincount(units, weights=by_row(columns, fitted))
     showing = response > RESPONDING * response.max()
     return showing if showing.sum() >= _LEAST_SHOWING else np.ones(len(response), bool)
-
-
-def _response(fitted: Fitted, columns: np.ndarray) -> np.ndarray:
-    """(N,) how much of what the columns add to the free parameters each row shows: the squares sum to the
-    number of columns."""
-    return by_row(orthonormal(fitted.cleared(columns)), fitted)
 
 
 def by_row(columns: np.ndarray, fitted: Fitted) -> np.ndarray:

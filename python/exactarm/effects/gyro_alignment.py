@@ -11,7 +11,7 @@ import numpy as np
 
 from exactarm.data.kinds import GEAR_RUN
 from exactarm.effects.base import Change, Effect, Parameter, Station
-from exactarm.robot.mdh_frames import rotation_x, rotation_y
+from exactarm.robot.mdh_frames import rotation_x, rotation_y, rotation_z
 
 _UPSIDE_DOWN = np.diag([1.0, -1.0, -1.0])
 
@@ -63,6 +63,11 @@ def slope_x(angle: float) -> np.ndarray:
 def slope_y(angle: float) -> np.ndarray:
     """d rotation_y / d angle."""
     return rotation_y(angle + 0.5 * np.pi) - np.diag([0.0, 1.0, 0.0])
+
+
+def slope_z(angle: float) -> np.ndarray:
+    """d rotation_z / d angle."""
+    return rotation_z(angle + 0.5 * np.pi) - np.diag([0.0, 0.0, 1.0])
 
 
 def tilt(alpha: float, beta: float) -> np.ndarray:

@@ -105,6 +105,8 @@ class Model:
             return None
         factor = (lower[:strong, :strong], True)
         one, other = order[:strong], order[strong:]
+        if strong == len(sizes):  # pivoting has shown that none depends on the others
+            return -linalg.cho_solve(factor, gradient[one], check_finite=False)[np.argsort(one)]
         columns = self._columns(np.flatnonzero(free)[order])
         part = linalg.cho_solve(factor, gram[np.ix_(one, other)], check_finite=False)
         left = columns[:, strong:] - columns[:, :strong] @ part
