@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -242,3 +243,19 @@ def test_an_exact_file_is_said_to_be_exact_and_a_loss_has_its_size():
     assert result.verdict.endswith("exact to rounding.") and "nm" not in result.summary()
     lossy = ea.export("racer-7-1.4", format="csv")
     assert lossy["lost_mean_m"] > 1e-6 and "on average" in lossy.verdict and "lost, mean" in lossy.summary()
+
+
+def test_a_coupling_of_the_controller_is_said_with_every_chain(tmp_path, capsys):
+    """Its file's angles are those of the axes: at reported ones the flange is decimetres off."""
+    robot = load_robot("ur10")
+    coupled = replace(robot, controller=replace(robot.controller, coupling=((3, 2, 1.0), (6, 5, -0.5))))
+    rule = "q_3 = reported_3 + reported_2, q_6 = reported_6 - 0.5 reported_5"
+    write_robot(tmp_path / "coupled.toml", coupled)
+    for form in ("urdf", "mjcf"):
+        out = tmp_path / form
+        assert main(["export", str(tmp_path / "coupled.toml"), "--format", form, "--out", str(out)]) == 0
+        result = json.loads((out / "result.json").read_text())
+        assert result["not_carried"][0] == f"coupling of axes: {rule}"
+        assert "the file's joint angles are not those that the controller reports" in " ".join(
+            capsys.readouterr().out.split())
+    assert rule in (tmp_path / "urdf" / "robot.urdf").read_text()

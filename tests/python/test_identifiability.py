@@ -122,7 +122,7 @@ def test_seven_axes_and_a_prismatic_one():
             (0.1, 0.0, 0.0)]
     types = ["revolute", "revolute", "prismatic", "revolute", "revolute", "revolute"]
     _, _, result = analyse(robot_of(rows, types, ratios=False), orientation=True)
-    assert result.kept.sum() == 4 * 5 + 2 * 1 + 6 - 1  # the DH angle of a sliding axis is no parameter
+    assert result.kept.sum() == 4 * 5 + 2 * 1 + 6  # complete: beta stands for the DH angle of the slide
     assert any("axis 3 slides" in entry.why for entry in result.dropped)
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from glob import escape
 from pathlib import Path
 from typing import Any
@@ -147,8 +148,6 @@ def _flange_poses(robot: Robot, format: str) -> Callable[..., Any]:
     """Where the flange is by the exported file, q (N, n) -> Poses."""
     if format != "ur_description":
         return reported_chain(robot).poses
-    from dataclasses import replace
-
     # the file's last link stands on the last axis; its flange is that of the description, without a, alpha,
     # beta of the last frame
     chain, place = reported_chain(robot), Placement()
@@ -158,6 +157,11 @@ def _flange_poses(robot: Robot, format: str) -> Callable[..., Any]:
 
 
 def _warnings(robot: Robot, format: str) -> tuple[str, ...]:
+    coupled = robot.controller.coupling_in_words
+    if coupled and format != "offsets":
+        uncoupled = replace(robot.controller, coupling=None)
+        return (f"the file's joint angles are not those that the controller reports: {coupled}",
+                *_warnings(replace(robot, controller=uncoupled), format))
     if format in ("urdf", "mjcf"):
         return tuple(f"{text}; simulators refuse it (exactarm identify finds links that can exist)"
                      for text in inconsistencies(robot))

@@ -201,8 +201,7 @@ class GearProblem(ProblemInTime):
         return np.abs(self._deviations(fitted, data))
 
     def _deviations(self, fitted: Fitted, data: Dataset) -> np.ndarray:
-        """(K,) measured minus predicted along the moving axis, sample by sample; NaN where no model is
-        defined."""
+        """(K,) measured minus predicted along the moving axis; NaN where no model is defined."""
         record = self._record_of(data)
         new = self._new_set_up(fitted.layout, data, record)
         prediction = self._predicted(fitted.layout, new, data, record)
@@ -296,8 +295,7 @@ class GearProblem(ProblemInTime):
         return float(np.max(squares[0] / np.maximum(squares[1], 1e-300)))
 
     def units(self, folds: np.ndarray) -> np.ndarray:
-        """Between encoders stretches longer than what the noise remembers; whole runs are long enough as they
-        are."""
+        """Between encoders stretches longer than what the noise remembers; whole runs are long enough."""
         if not self.record.encoder_axes:
             return folds
         return np.arange(len(folds)) // int(np.ceil(1.0 / self._noise.share))

@@ -13,6 +13,7 @@ import numpy as np
 from exactarm.data.kinds import GEAR_RUN
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.gyro_alignment import slope_x, slope_y, slope_z
+from exactarm.numerics.factors import svd
 from exactarm.robot.mdh_frames import rotation_x, rotation_y, rotation_z
 
 _PARALLEL_RAD = 0.1  # between the axes of the readings: nearer, a turn about them is hardly seen
@@ -70,7 +71,7 @@ class GyroMisalignment(Effect):
         runs = np.unique(view.data.run)[1:]
         if view.data.gyro is None or runs.size == 0:
             return ()
-        _, sizes, axes = np.linalg.svd(view.measured[view.keep], full_matrices=False)
+        _, sizes, axes = svd(view.measured[view.keep], full_matrices=False)
         parallel = sizes[1] < np.sin(_PARALLEL_RAD) * sizes[0]
         held = int(np.argmax(np.abs(axes[0]))) if parallel else None
         return (cls(None, (float(runs[0]), 0.0, 0.0, 0.0), tuple(map(float, runs)), held),)

@@ -1,8 +1,8 @@
 """What a rigid chain can carry of an identified arm: its axes where the controller reports zero, and the
 flange.
 
-    p = exp(u_1 q_1) ... exp(u_n q_n) M      q: as the controller reports, u: the identified axes, M: the
-                                             flange at q = 0
+    p = exp(u_1 q_1) ... exp(u_n q_n) M      q: as the controller reports (where it couples axes: of the axes
+                                             themselves), u: the identified axes, M: the flange at q = 0
 
 In the controller's base frame. Gear harmonics, other gear ratios, springs and effects have no place in it:
 `lost` says what that costs, `not_carried` names them.
@@ -95,7 +95,8 @@ def lost(robot: Robot, poses) -> Lost:
 
 def not_carried(robot: Robot) -> list[str]:
     """Names of what no rigid chain has a place for."""
-    parts = [
+    parts = [f"coupling of axes: {coupled}"] if (coupled := robot.controller.coupling_in_words) else []
+    parts += [
         f"gear harmonics of axis {i}" for i, joint in enumerate(robot.joints, start=1) if joint.has_harmonics
     ]
     parts += [f"spring of axis {i}" for i, joint in enumerate(robot.joints, start=1) if joint.spring_linear]

@@ -185,6 +185,16 @@ class Controller(Value):
         return reported
 
 
+    @property
+    def coupling_in_words(self) -> str:
+        """As in "q_3 = reported_3 + reported_2"; empty where no axis is coupled."""
+        terms: dict[int, str] = {}
+        for i, j, factor in self.coupling or ():
+            size = "" if abs(factor) == 1.0 else f"{abs(factor):.9g} "
+            terms[i] = terms.get(i, f"q_{i} = reported_{i}") + f" {'-+'[factor > 0.0]} {size}reported_{j}"
+        return ", ".join(terms.values())
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Robot(Value):
     """A robot: joints, links (None where no masses are declared), gravity, tool, effects, record.

@@ -261,7 +261,9 @@ def _comment(robot: Robot) -> str:
         lost += [f"rotor inertia of joint {number}"] if joint.rotor_inertia is not None else []
         lost += [f"acceleration limit of joint {number}"] if joint.q_ddot_max is not None else []
         lost += [f"gear ratio of joint {number} other than the controller's"] if ratio != known else []
-    text = "Written by exactarm. Joint angles are those that the controller reports."
+    coupled = robot.controller.coupling_in_words
+    text = "Written by exactarm. Joint angles are those that the controller reports"
+    text += f", but for {coupled}: give q." if coupled else "."
     text += f" A limit of {NOT_DECLARED:g} is not declared."
     if lost:
         text += " Not in this file, for URDF cannot carry it: " + "; ".join(lost) + "."
