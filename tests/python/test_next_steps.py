@@ -161,3 +161,22 @@ def test_a_gear_that_falls_is_told_beside_the_tables_of_the_file():
     """An error that falls tenfold and "keep your robot file" stood below each other without the reason."""
     assert _as_declared(2.5e-3, 2.5e-4, "rad/s") == " (as the file has it: 0.250 mrad/s)"
     assert _as_declared(2.5e-3, 2.5e-3, "rad/s") == ""
+
+
+def test_touches_are_diagnosed_with_the_springs_that_a_calibration_found(tmp_path, capsys):
+    made, out = tmp_path / "made", tmp_path / "calibrated"
+    words = ["simulate", "panda", "--measure", "closures", "--count", "60", "--out", str(made)]
+    assert cli.main(words) == 0
+    fixture, data = made / "fixture.toml", made / "closures.csv"
+    assert cli.main(["calibrate", "panda", str(data), "--fixture", str(fixture), "--out", str(out)]) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"exactarm diagnose {out / 'robot.toml'} {data}" in said
+    assert "with this `robot.toml` and the same files" in said
+
+
+def test_a_file_that_was_judged_at_its_own_poses_is_still_named(tmp_path, capsys):
+    made = tmp_path / "made"
+    assert cli.main(["simulate", "ur10", "--count", "40", "--out", str(made)]) == 0
+    data = str(made / "measured.csv")
+    assert cli.main(["evaluate", "ur10", data, "--at", data, "--out", str(tmp_path / "judged")]) == 0
+    assert f"exactarm diagnose ur10 {data}" in " ".join(capsys.readouterr().out.split())

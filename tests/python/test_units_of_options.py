@@ -31,7 +31,7 @@ DESIGN = ["design", "racer-7-1.4", "--count", "12", "--validation", "4"]
     ([*SIMULATE, "--deviation", "inf"], "--deviation inf: expected 0 or more"),
     ([*SIMULATE, "--effect", "backlash joint=2 width_rad=1e-4 width_rad=2e-4"], "width_rad is given twice"),
     ([*SIMULATE, "--effect", "backlash joint=2 width_rad=0.3"],
-     "width_rad=0.3; expected a number from -0.01 to 0.01"),
+     "width_rad=0.3; expected a number from 0 to 0.01"),
     ([*SIMULATE, "--effect", "coulomb_friction joint=2 torque_Nm=-3"], "expected a number from 0 to inf"),
     ([*SIMULATE, "--effect", "backlash joint=2 width_rad=nan"], "width_rad=nan; expected a number"),
 ])

@@ -88,7 +88,8 @@ class Outcome:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("files", metavar="MANIFEST", nargs=1, type=Path,
-                        help="table of jobs: name, command, robot, files, options")
+                        help="table of jobs: name, command, robot, files; further columns are "
+                             "named as options of the commands")
     parser.add_argument("--workers", metavar="N", type=int, default=1,
                         help="processes at once (default %(default)s)")
     parser.add_argument("--again", action="store_true",
@@ -184,8 +185,8 @@ def read_jobs(manifest: AnyManifest, seed: int = DEFAULT_SEED) -> tuple[Job, ...
         raise InputError("no job; expected one row for each", file=file)
     missing = [name for name in ("command", "robot") if name not in rows[0]]
     if missing:
-        raise InputError(f"column missing; expected {', '.join(COLUMNS)} and options", file=file,
-                         column=missing[0])
+        raise InputError(f"column missing; expected {', '.join(COLUMNS)}, and columns named as options are",
+                         file=file, column=missing[0])
     jobs: list[Job] = []
     for number, row in enumerate(rows, start=1):
         if TOO_MANY in row:
@@ -206,6 +207,9 @@ def _require_options(rows: Sequence[Mapping[str, Any]], commands: set[str], file
     """Every further column is an option of one of the commands, which the batch does not give itself."""
     options = {word for name in commands for word in parser_of(import_command(name))._option_string_actions}
     for column in {name: None for row in rows for name in row if name not in COLUMNS}:
+        if column == "options":
+            raise InputError("expected a column for each option, named as it is: seed, kind, ...", file=file,
+                             column=column)
         word = f"--{str(column).replace('_', '-')}"
         if word not in options or column in _GIVEN:
             why = "the batch itself gives it" if column in _GIVEN else "no option of these commands"

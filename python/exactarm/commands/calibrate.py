@@ -173,6 +173,7 @@ def _axes(text: str) -> tuple[int, ...] | None:
 def _json(result: Calibration) -> dict[str, Any]:
     shown = result.shown
     return {
+        "data_kind": result.data.kind,
         "unit": _unit(result),
         "before": _summaries(result.before, result.beside_before),
         "after": _summaries(result.after, result.beside_after),

@@ -20,7 +20,7 @@ from exactarm.commands.effect_sections import (
 from exactarm.commands.error_sections import error_figures, error_table, highlights
 from exactarm.commands.measure_more import measure_more, to_tell_noise, wild_elsewhere, worse_elsewhere
 from exactarm.commands.next_steps import HEADING
-from exactarm.data.kinds import kind_of
+from exactarm.data.kinds import CLOSURES, kind_of
 from exactarm.diagnose.contribution import Contribution
 from exactarm.diagnose.decisions import CREDIBLE
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
@@ -217,6 +217,11 @@ def _next(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contributi
                      "there is the one to trust.")
     if result.next_experiment:
         lines.append(result.next_experiment)
+    springs = any(joint.spring_linear for joint in robot.joints)
+    loaded = result.kind == CLOSURES.name and robot.links is not None
+    if result.verdict == UNEXPLAINED and loaded and not springs:
+        lines.append("`exactarm calibrate` estimates springs beside the geometry; few touches hardly tell "
+                     "which of them comes first: diagnose with the `robot.toml` that it writes.")
     if result.verdict == UNEXPLAINED and result.converged and not result.preferred:
         lines.append(measure_more(result))
     if result.drafts:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from exactarm.commands.outcome import Asked, Outcome
-from exactarm.data.kinds import GEAR_RUN, MOTION, POSES, kind_of
+from exactarm.data.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, kind_of
 from exactarm.data.kinds.base import Device, Kind
 from exactarm.files.examples import EXAMPLES
 from exactarm.report import Highlights, Report, Text, Warnings
@@ -30,6 +30,11 @@ _LOADED = {  # format of an export -> where the file goes
     "robodk": "Run it in RoboDK's own Python, with the station open.",
     "urdf": "Any program that reads URDF takes it.",
 }
+
+
+# Masses of a drawing are wrong by per cents, and a diagnosis would find them first; few touches tell springs
+# beside the geometry, and hardly which of them comes first.
+_FROM_WHAT_WAS_FITTED = (MOTION, CLOSURES)
 
 
 def to_improve(kind: Kind) -> Text:
@@ -59,8 +64,7 @@ def next_steps(robot: Robot, kind: Kind, before: float, after: float, worse: boo
                      "one to trust.")
     else:
         lines.append("Keep your robot file: what was estimated hardly lowers the error.")
-    # masses of a drawing are wrong by per cents: a diagnosis would find them first
-    model = "this `robot.toml` and the same" if kind == MOTION else "the same robot and"
+    model = "this `robot.toml` and the same" if kind in _FROM_WHAT_WAS_FITTED else "the same robot and"
     lines.append(f"`exactarm diagnose` with {model} files looks for the causes of what is left.")
     return Text(HEADING, tuple(lines))
 
@@ -107,9 +111,9 @@ class _Run:
     @property
     def data(self) -> list[str]:
         """FILES that were read, with the options that say how."""
-        others = {str(self.asked.robot), *map(str, self.result.inputs)}
-        files = [source.path for source in self.asked.files
-                 if source.rows is not None and source.path not in others]
+        read = [source.path for source in self.asked.files
+                if source.rows is not None and source.path != str(self.asked.robot)]
+        files = [path for path in read if path not in map(str, self.result.inputs)] or read[:1]
         return [*(_named(Path(file)) for file in files), *self.asked.reading]
 
     def written(self, name: str) -> str:
@@ -204,8 +208,9 @@ def _evaluate(run: _Run) -> Sequence[str]:
 
 def _fitted(run: _Run) -> Sequence[str]:
     kind = {"gear": GEAR_RUN, "identify": MOTION}.get(run.asked.command)  # a file may hold two kinds
+    fitted = kind_of(run.result.json["data_kind"]) if "data_kind" in run.result.json else kind
     read = run.data if kind is None or "--kind" in run.data else [*run.data, "--kind", kind.name]
-    robot = run.written("robot.toml") if kind == MOTION else run.robot
+    robot = run.written("robot.toml") if fitted in _FROM_WHAT_WAS_FITTED else run.robot
     return (run.line("diagnosed", "diagnose", robot, *read),)
 
 

@@ -52,7 +52,7 @@ class Backlash(Effect):
     source = "Nordin and Gutman 2002"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        own = (Parameter("width_rad", 3e-4, -1e-2, 1e-2),
+        own = (Parameter("width_rad", 3e-4, 0.0, 1e-2),
                Parameter("friction_Nm", 10.0, self.least_Nm, fixed=self.least_Nm == 0.0, search=self.search))
         bias = Parameter("bias_Nm", 10.0, fixed=True, search=self.biases)
         return own if len(self.values) < 3 else (*own, bias)

@@ -6,12 +6,11 @@ fitted frames says.
 
     u^2 = u_instrument^2 + u_repeatability^2 + u_frames^2 + u_model^2,   U = k u
 
-instrument     type B, as its certificate says: what repeated visits do not show; left out where nobody gave
-it
+instrument     type B, as its certificate says; left out where nobody gave it
 repeatability  type A: pooled standard deviation of a coordinate over visits of one pose
 frames         type A: of base and tool frame by the rows that found them, propagated to the judged poses
-model          type A: what the held-out residual has beyond the two before it. Without repeated visits both
-are one entry
+model          type A: what the held-out residual has beyond those before it. Without repeated visits it holds
+repeatability too
 
 k for 95 % from Student's t with the effective degrees of freedom of Welch and Satterthwaite. The radius that
 holds 95 % of the positions in space: u sqrt(3 F) with F the 95 % point of Fisher's distribution;
@@ -91,7 +90,7 @@ def budget(data: Dataset, judged: Judged, instrument: float | None) -> Budget:
         Entry(
             name,
             "A",
-            np.sqrt(max(rest - repeat - frames, 0.0)),
+            np.sqrt(max(rest - repeat - frames - (instrument or 0.0)**2, 0.0)),
             max(poses - 1, 1),
             "held-out residual without the above",
         )
