@@ -237,6 +237,27 @@ def test_a_payload_is_no_mass_of_a_link(racer):
 
 
 @pytest.mark.slow
+def test_a_payload_that_is_a_body_is_neither_a_point_nor_links_with_other_masses(racer):
+    """A box of 0.4 m about its own centre, composed with the last link by the parallel axes (Steiner)."""
+    mass, centre, own = 30.0, np.array([0.05, 0.0, 0.3]), np.diag([0.8, 0.7, 0.5])
+    link = racer.links[-1]
+    total = link.mass + mass
+    middle = (link.mass * link.centre_of_mass + mass * centre) / total
+    about = lambda m, c: m * ((c - middle) @ (c - middle) * np.eye(3) - np.outer(c - middle, c - middle))
+    box = replace(link, mass=total, centre_of_mass=middle,
+                  inertia=link.inertia + own + about(link.mass, link.centre_of_mass) + about(mass, centre))
+    result = diagnose(racer, motion(replace(racer, links=racer.links[:-1] + (box,))))
+    assert [finding.effect.name for finding in result.findings] == ["payload"]
+    found, intervals = result.findings[0].effect, result.findings[0].intervals
+    built = dict(zip((p.name for p in found.parameters()), intervals))
+    assert built["mass_kg"][0] < mass < built["mass_kg"][1]
+    for axis, true in zip("xyz", np.diag(own)):
+        low, high = built[f"inertia_{axis}{axis}_kg_m2"]
+        assert low - (high - low) < true < high + (high - low)
+    assert result.after["validation"].rms < 1.05 * NOISE_NM
+
+
+@pytest.mark.slow
 def test_what_identify_lent_to_the_masses_is_given_back(racer):
     """Friction of one way only: masses estimated without it take a part, and are estimated again."""
 

@@ -143,6 +143,18 @@ def test_payload_torque_is_that_of_a_point_mass(random):
     np.testing.assert_allclose(pi[4:], [0.13, 0.02, -0.03, 0.1, 0.06, 0.05], rtol=1e-6)
 
 
+def test_a_body_adds_its_own_inertia_to_that_of_the_point():
+    point = np.array([4.0, 0.2, -0.4, 0.6])
+    body = np.concatenate([point, [0.3, 0.01, -0.02, 0.4, 0.03, 0.2]])
+    np.testing.assert_allclose(inertial(body)[0] - inertial(point)[0], [0.0] * 4 + [*body[4:]], atol=1e-15)
+    assert_derivative(lambda x: inertial(x)[0], body, inertial(body)[1], 1e-3)
+    payload = Payload(None, tuple(body))
+    assert Payload.from_table(payload.to_table()) == payload
+    assert len(Payload.from_table(Payload(None, tuple(point)).to_table()).values) == 4
+    assert payload.possible(six_axis(), np.zeros(10))
+    assert not payload.with_values([*body[:-1], -0.2]).possible(six_axis(), np.full(10, 0.05))
+
+
 def test_centre_of_mass_follows_with_its_uncertainty():
     """The delta method against draws of mass and moments; where the mass is not certain there is no
     centre."""

@@ -72,7 +72,7 @@ def test_estimates_of_gears_are_a_table():
 
 def test_a_result_is_a_mapping_of_its_keys(result):
     assert list(result) == list(result.keys()) and dict(result)["unit"] == "m"
-    with pytest.raises(KeyError, match="'zz': a result of calibrate has unit, before, after"):
+    with pytest.raises(KeyError, match="'zz': a result of calibrate has data_kind, unit, before, after"):
         result["zz"]
 
 

@@ -1,10 +1,12 @@
 """Payload: a mass at the flange that the robot file does not know of.
 
     pi_n += (m, s, I),  s = m c the first moment in DH frame n,
-    I = m / (m^2 + m0^2) (|s|^2 1 - s s')     about the flange: that of a point mass at c for m >> m0
+    I = m / (m^2 + m0^2) (|s|^2 1 - s s') + J     about the flange: that of a point mass at c for m >> m0,
+                                                  and J, of the body about c
 
 Mass and first moment are the parameters, so that a mass of zero is no singular point (m0 = 1 g); the centre
-of mass is c = s / m. The derivative of the joint torque is the regressor's (Atkeson, An and Hollerbach 1986).
+of mass is c = s / m. J shows in fast motions alone: a point, and a body where the data ask for it. At rest
+there is none. The derivative of the joint torque is the regressor's (Atkeson, An and Hollerbach 1986).
 """
 
 from collections.abc import Iterable
@@ -18,6 +20,8 @@ from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.robot.pseudo_inertia import ENTRIES
 
 _MASS_FLOOR_KG = 1e-3
+_OF_A_POINT = 4  # values: mass and first moment
+_GYRATION_M = 0.1  # of what flanges carry
 HEAVY = 2.0  # times the arm's own mass: light arms carry up to their own, grams are a thousand times too much
 # standard deviations that the mass must be away from zero, so that a moment over it has a meaning
 _CERTAIN = 2.0
@@ -25,7 +29,8 @@ _CERTAIN = 2.0
 
 @dataclass(frozen=True)
 class Payload(Effect):
-    """Mass (kg) and first moment (kg m, DH frame n) of what the flange carries beside the declared links."""
+    """Mass (kg) and first moment (kg m, DH frame n) of what the flange carries beside the declared links; of
+    a body with its six moments of inertia (kg m^2) about its centre."""
 
     name = "payload"
     plain = "a payload that is not as declared"
@@ -39,12 +44,20 @@ class Payload(Effect):
 
     def parameters(self) -> tuple[Parameter, ...]:
         moments = tuple(Parameter(f"moment_{axis}_kg_m", 1.0) for axis in "xyz")
-        return (Parameter("mass_kg", 5.0),) + moments
+        own = tuple(Parameter(f"inertia_{'xyz'[i]}{'xyz'[j]}_kg_m2", 5.0 * _GYRATION_M**2)
+                    for i, j in ENTRIES)
+        return (Parameter("mass_kg", 5.0), *moments, *(own if len(self.values) > _OF_A_POINT else ()))
+
+    @classmethod
+    def from_table(cls, table) -> Effect:
+        body = any(name.startswith("inertia_") for name in table)
+        raw = cls(None, (0.0,) * (_OF_A_POINT + (len(ENTRIES) if body else 0)))
+        return raw.with_values(float(table[parameter.name]) for parameter in raw.parameters())
 
     @property
     def centre_of_mass(self) -> np.ndarray:
         """(3,) m in DH frame n; NaN where the mass is zero."""
-        mass, *moment = self.values
+        mass, moment = self.values[0], self.values[1:_OF_A_POINT]
         return np.array(moment) / mass if mass else np.full(3, np.nan)
 
     def describe(self) -> str:
@@ -60,7 +73,7 @@ class Payload(Effect):
             return ()
         found = []
         for k, axis in enumerate("xyz", start=1):
-            slope = np.zeros(4)
+            slope = np.zeros(len(self.values))
             slope[0], slope[k] = -self.values[k] / mass**2, 1.0 / mass
             found.append((f"com_{axis}_m", self.values[k] / mass, float(np.sqrt(slope @ covariance @ slope))))
         return tuple(found)
@@ -72,11 +85,14 @@ class Payload(Effect):
                 "given")
 
     def possible(self, robot, deviation) -> bool:
-        """Not lighter than nothing, nor HEAVY times as heavy as the arm, beyond what the estimate leaves."""
+        """Not lighter than nothing, nor HEAVY times as heavy as the arm, beyond what the estimate leaves; a
+        body with no negative moment of inertia."""
         links, doubt = robot.links or (), _CERTAIN * deviation[0]
         own = sum(link.mass for link in links)
         lightest = -links[-1].mass if links else 0.0
-        return self.values[0] + doubt >= lightest and not 0.0 < HEAVY * own < self.values[0] - doubt
+        about = zip(ENTRIES, self.values[_OF_A_POINT:], deviation[_OF_A_POINT:])
+        body = all(value + _CERTAIN * doubt >= 0.0 for (i, j), value, doubt in about if i == j)
+        return body and self.values[0] + doubt >= lightest and not 0.0 < HEAVY * own < self.values[0] - doubt
 
     def _weighs(self, covariance) -> bool:
         return abs(self.values[0]) > max(_CERTAIN * np.sqrt(covariance[0, 0]), _MASS_FLOOR_KG)
@@ -93,9 +109,11 @@ class Payload(Effect):
     def change(self, view) -> Change:
         """Its weight is that of the last link (`bake`); here is its derivative: at rest through all that
         gives way under what the flange carries, in a motion through the torque of the joints."""
+        count = len(self.values)
         if not view.is_series:
-            return Change(tuple(range(4)), np.zeros((view.rows, 4)), np.tile(np.eye(4), (view.rows, 1, 1)))
-        derivative = np.zeros((view.rows, view.axes, 4))
+            by_values = np.tile(np.eye(_OF_A_POINT, count), (view.rows, 1, 1))
+            return Change(tuple(range(_OF_A_POINT)), np.zeros((view.rows, _OF_A_POINT)), by_values)
+        derivative = np.zeros((view.rows, view.axes, count))
         if view.tangents and view.has_masses:
             q = view.q
             rates = [view.signals.get(name, np.zeros_like(q)) for name in ("q_dot", "q_ddot")]
@@ -105,19 +123,24 @@ class Payload(Effect):
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
-        return (cls(None, (0.0,) * 4),) if view.has_masses and not robot.generic_masses else ()
+        if not view.has_masses or robot.generic_masses:
+            return
+        yield cls(None, (0.0,) * _OF_A_POINT)
+        if view.is_series:
+            yield cls(None, (0.0,) * (_OF_A_POINT + len(ENTRIES)))
 
 
 def inertial(values) -> tuple[np.ndarray, np.ndarray]:
-    """pi (10,) of mass and first moment, and its derivative (10, 4)."""
-    mass, s = values[0], np.asarray(values[1:], float)
+    """pi (10,) of mass, first moment and, of a body, its own inertia; its derivative (10, k)."""
+    mass, s, own = np.split(np.asarray(values, float), [1, _OF_A_POINT])
+    mass = mass[0]
     square = mass**2 + _MASS_FLOOR_KG**2
     inverse, by_mass = mass / square, (_MASS_FLOOR_KG**2 - mass**2) / square**2
     second = s @ s * np.eye(3) - np.outer(s, s)
     pick = lambda matrix: np.array([matrix[i, j] for i, j in ENTRIES])
     pi = np.concatenate([[mass], s, inverse * pick(second)])
-    slope = np.zeros((10, 4))
-    slope[:4] = np.eye(4)
+    pi[_OF_A_POINT:] += own if own.size else 0.0
+    slope = np.eye(10, len(values))
     slope[4:, 0] = by_mass * pick(second)
     for k in range(3):
         unit = np.eye(3)[k]
