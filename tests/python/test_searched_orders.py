@@ -53,5 +53,6 @@ def test_what_follows_the_direction_or_the_speed_is_a_rival_there():
     assert any(5.0 in search for search in tried[DirectionDependence])
     assert any(5.0 in search for search in tried[SpeedDependence])
     assert slow_orders(rigid(), swept(2.0, 5.0), 3, lowest=1.0)[:2] == (2.0, 3.0)
+    assert slow_orders(rigid(), swept(2.0, 1e-11), 3) == ()  # 1e12 orders, and no memory for them
     assert slow_orders(rigid(), view, 3) == (4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0)
     assert not set(slow_orders(rigid(), view, 3)) & set(searched_orders(rigid(), view, 3))

@@ -24,7 +24,7 @@ from exactarm.chain.gear_record import GearRecord, gear_record
 from exactarm.chain.layout import Layout
 from exactarm.chain.propagate import acts
 from exactarm.chain.run_tangents import Recorded, device_map, joint_tangents, moved
-from exactarm.chain.sensor_link import sensor_rates
+from exactarm.chain.sensor_link import force_in_sensor, sensor_rates
 from exactarm.chain.spring import declared_deflection
 from exactarm.chain.wave_rates import TangentsBeyond, beyond_values, prepare
 from exactarm.data.dataset import Dataset
@@ -81,7 +81,10 @@ def predict_gear_run(robot: Robot, layout: Layout, data: Dataset, *, record: Gea
         view.signals["measured"] = view.q[:, record.encoder_axes]
         observed = data.joints["q"][:, record.encoder_axes]
     else:
-        weights, view.signals["specific_force"] = sensor_rates(view, nominal)
+        weights, force = sensor_rates(view, nominal)
+        shown = {(e.session, e.index): e.axis_in_sensor for e in layout.effects
+                 if e.axis_in_sensor is not None}
+        view.signals["specific_force"] = force_in_sensor(view, nominal, force, shown)
         view.signals["measured"] = np.einsum("imk,ik->im", weights, view.signals["q_dot"])
         observed = data.gyro
     _pass(view, layout, Station.DEVICE, "measured", passed)

@@ -2,14 +2,19 @@
 
 The sensor's nominal axes on the link behind axis j: z along the axis, in the sense in which q_j rises, and x
 where the frame's x axis lies after the turn q_j. Rates of axes upstream (their deflection as axis j moves)
-are felt too.
+are felt too. Where the readings show axes that are not parallel, they tell how the sensor itself is mounted
+on the link behind the last of them (Wahba 1965), and gravity is that in its own axes in all runs.
 """
 
 import numpy as np
 
 from exactarm import _core
+from exactarm.numerics.factors import svd
 from exactarm.robot.robot import GRAVITY_M_S2
 from exactarm.view import View
+
+_PARALLEL_RAD = 0.1  # between axes: nearer ones do not tell a mount
+_RIGID = 0.02  # of a unit vector: geometry as drawn is no worse
 
 
 def sensor_rates(view: View, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -33,6 +38,40 @@ def sensor_rates(view: View, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         weights[rows, :, : axis + 1] = np.einsum("iab,ika->ibk", nominal, axes)
         force[rows] = -np.einsum("iab,a->ib", nominal, view.robot.gravity) / GRAVITY_M_S2
     return weights, force
+
+
+def force_in_sensor(view: View, q: np.ndarray, nominal: np.ndarray,
+                    shown: dict[tuple[int, int], np.ndarray]) -> np.ndarray:
+    """The specific force (N, 3) in the sensor's own axes, in the nominal ones (N, 3) where its mount is not
+    known. shown: (session, axis from 0) -> (3,) the moving axis in the sensor's axes, as it was aligned."""
+    if not view.robot.has_geometry:
+        return nominal
+    force, sessions = nominal.copy(), view.data.session
+    sign = np.array([joint.sign for joint in view.robot.joints])
+    for session in np.unique(sessions):
+        runs = [(rows, axis) for rows, axis in view.moving_runs
+                if sessions[rows[0]] == session and (session, axis) in shown]
+        last = max((axis for _, axis in runs), default=0)
+        frames = [_core.frame_poses(view.robot_at_origin, q[rows])[1] for rows, _ in runs]
+        link = [each[:, last + 1] for each in frames]
+        body = np.array([on[0].T @ each[0, axis, :, 2] * sign[axis]
+                         for each, on, (_, axis) in zip(frames, link, runs)]).reshape(-1, 3)
+        seen = np.array([shown[session, axis] for _, axis in runs]).reshape(-1, 3)
+        mount = _mount(body, seen)
+        if mount is not None:
+            for (rows, _), on in zip(runs, link):
+                force[rows] = -(view.robot.gravity / GRAVITY_M_S2) @ on @ mount.T
+    return force
+
+
+def _mount(body: np.ndarray, seen: np.ndarray) -> np.ndarray | None:
+    """The rotation (3, 3) that takes directions (K, 3) of the link to what the sensor shows of them; None
+    where all are parallel, or no rigid mount has these."""
+    left, sizes, right = svd(seen.T @ body)
+    if len(body) < 2 or sizes[1] < np.sin(_PARALLEL_RAD) ** 2 * sizes[0]:
+        return None
+    mount = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
+    return mount if np.abs(body @ mount.T - seen).max() < _RIGID else None
 
 
 def _about_z(angle: np.ndarray) -> np.ndarray:

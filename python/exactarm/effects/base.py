@@ -62,19 +62,16 @@ class Effect(ABC):
     smooth: ClassVar[bool] = True  # a smooth function of the motion: may enter a planner's dynamics
     per_joint: ClassVar[bool] = True
     declared: ClassVar[bool] = False  # part of the declared model: re-identified, never a finding
-    # tells of one record (a device that was pushed), not of arm or device as such
-    of_record: ClassVar[bool] = False
+    of_record: ClassVar[bool] = False  # tells of one record (a pushed device), not of arm or device as such
     of_one_session: ClassVar[bool] = False  # the rows of one alone tell of it
     by_load: ClassVar[bool] = False  # its size or side is decided by the load of a joint
     per_load: ClassVar[bool] = False  # all its values are sizes per Nm of that load
     gives_way: ClassVar[bool] = False  # a spring: what is carried shows through it
-    # a Gaussian prior around the declared values, as wide as they are plausible
-    drawn_to_declared: ClassVar[bool] = False
+    drawn_to_declared: ClassVar[bool] = False  # a prior around declared values, as wide as they are plausible
     repeatable: ClassVar[bool] = False  # several of them may act on one axis (harmonics of different orders)
     log_odds: ClassVar[float] = 0.0  # before any data, beside another cause that would look the same
     of_waves: ClassVar[bool] = False  # a wave over an angle to be searched, or a law of those declared
-    # turns its axis by a wave of any order over its own angle: "same" or "other" sign from the other side, or
-    # "faster" the larger
+    # turns its axis by waves over its angle: "same" or "other" sign from the other side, "faster" the larger
     turns_by_waves: ClassVar[str] = ""
     reverses: ClassVar[bool] = False  # dry friction in the tables: jumps where the motor turns back
     carried: ClassVar[bool] = False  # what the flange carries
@@ -85,8 +82,7 @@ class Effect(ABC):
     sentence: ClassVar[str] = ""  # format string: {joint} and the parameters' names
     plain: ClassVar[str] = ""  # a noun phrase that a technician uses, without the axis; empty: the name
     source: ClassVar[str] = ""
-    # where no form of the class has any
-    open_parameters: ClassVar[str] = "as many as the robot's tables have"
+    open_parameters: ClassVar[str] = "as many as the robot's tables have"  # where no form has any
 
     # -- description ------------------------------------------------------------------------------
     def parameters(self) -> tuple[Parameter, ...]:
@@ -94,8 +90,7 @@ class Effect(ABC):
         raise NotImplementedError
 
     def value_of(self, name: str) -> float:
-        names = [parameter.name for parameter in self.parameters()]
-        return self.values[names.index(name)]
+        return self.values[[parameter.name for parameter in self.parameters()].index(name)]
 
     def with_values(self, values: Iterable[float]) -> Effect:
         return replace(self, values=tuple(float(value) for value in values))
@@ -300,6 +295,11 @@ class Effect(ABC):
         """(N, 1, n) what changes by `slope` (N,) with the axis's own entry of a signal."""
         own = np.arange(view.axes) == self.index
         return np.broadcast_to(slope, view.rows)[:, None, None] * own
+
+    @property
+    def axis_in_sensor(self) -> np.ndarray | None:
+        """(3,) where a gyroscope of its `session` shows its axis, where it says so."""
+        return None
 
     def place(self, session: int, base: Placement, tool: Placement) -> tuple[Placement, Placement]:
         """Base and tool frames of a session; only the effects that are frames change them."""

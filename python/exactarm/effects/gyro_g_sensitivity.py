@@ -1,12 +1,13 @@
 """Gyroscope g-sensitivity: the reading changes with the acceleration that the sensor feels.
 
-change of the reading = K f,   K (3, 3) in rad/s per g, f (3,) the specific force in the sensor's nominal axes
+change of the reading = K f,   K (3, 3) in rad/s per g, f (3,) the specific force in the sensor's axes
                                in units of g
 
-Entry zx: what a force along x does to the reading about z. Acceleration other than gravity is left out. A
-component of f that does not vary in the runs at hand, or only as others do, cannot be told from a bias or
-from them: its column of K is held at zero. Either the row of the moving axis alone is estimated, or all
-three.
+Its axes are its own where axes that are not parallel show how it is mounted (chain/sensor_link.py), with one
+matrix for all; else those of the moving joint. Entry zx: what a force along x does to the reading about z.
+Acceleration other than gravity is left out. A component of f that does not vary in the runs at hand, or only
+as others do, cannot be told from a bias or from them: its column of K is held at zero. Either the row of the
+moving axis alone is estimated, or all three.
 """
 
 from collections.abc import Iterable

@@ -32,6 +32,7 @@ _MOST_MULTIPLES = 2  # of an element whose order was searched
 _MOTOR_MULTIPLES = (1.0, 2.0)  # that motions are searched for
 _REFINED, _BESIDE = 3, (-0.5, -0.25, 0.25, 0.5)  # peaks, and steps in cells of resolution
 _LEAST_WHOLE, _SLOW_PASSES = 3.0, 3.0  # 1 and 2 are a run-out; waves in the range
+_LEAST_RANGE_RAD = 1e-3  # a gear that has turned by less shows no wave of an order below thousands
 _CURVE_KNEE = 25.0  # order above which the amplitudes of a gear or encoder curve fall (cycles per revolution)
 # lower orders are run-outs, no larger than what falls from here on: on part of a turn, wider ones would
 # imitate geometry and springs
@@ -273,7 +274,7 @@ def slow_orders(robot, view, index: int, lowest: float = _LEAST_WHOLE) -> tuple[
     kept = [rows[view.keep[rows]] for rows, axis in view.moving_runs
             if axis == index or view.data.gyro is None]
     longest = max((np.ptp(view.phi[rows, index]) for rows in kept if rows.size), default=0.0)
-    if longest == 0.0:
+    if longest < _LEAST_RANGE_RAD:
         return ()
     cell = 2.0 * np.pi / longest
     orders = np.arange(np.ceil(max(cell, lowest)), _SLOW_PASSES * cell)
