@@ -189,6 +189,21 @@ def test_a_tracker_and_planes_are_one_estimate_and_a_tracker_judges_the_planes()
     assert by_both.robot.covariance.noise_m == pytest.approx(NOISE_M, rel=0.2)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [3, 4])
+def test_a_tracker_tells_the_scale_however_little_one_length_is_told(seed):
+    """The tool takes what d_7 lacks, and its prior alone passed for a doubt of all lengths: 2 mm per m."""
+    robot, random = virtual("panda", seed)
+    sensors = Sensors(position_m=NOISE_M, counts=0)
+    pairs = measure_closures(robot, "pair", 3, 40, sensors, random)[0]
+    lower, upper = (np.array([getattr(joint, key) for joint in robot.nominal.joints])
+                    for key in ("q_min", "q_max"))
+    tracked = VirtualRobot(robot.nominal, placed(robot.true, random))
+    few = measure_poses(tracked, random.uniform(lower, upper, (15, 7)), sensors, random)
+    result = calibrate_closures(robot.nominal, together(pairs, few), CalibrationOptions(compliance=()))
+    assert not [line for line in result.warnings if "common factor" in line]
+
+
 def together(planes: Dataset, tracked: Dataset) -> Dataset:
     """Both as one data set, the tracker's rows in a session of their own."""
     count = len(planes) + len(tracked)

@@ -58,6 +58,7 @@ _TOOL_REACH_M = 0.3  # spread of the random starts of the tool point
 SLIPPED = 0.35  # square root of a weight: beyond some 7 standard deviations
 # times Schwarz' price: what is left of an arm's own error buys up to 1.6 times with one and the same tool
 _MOUNTED_ANEW = 3.0
+_SHOWS_LENGTHS = 3  # rows under a tracker: two are its frame's, more are distances that it has measured
 _AS_ONE = ("d", "q_offset")  # of axis 1: they move the arm along and about it
 TOOL_RUNS_AWAY = (
     "the touches do not tell where the tool is: the further from the arm, the better they fit; declare the "
@@ -344,7 +345,8 @@ def _warnings(robot: Robot, declared: DeclaredClosures, data: Dataset):
             "with the wrong number")
     if scale_is_known(fit.layout, data):
         yield from size_doubts(fit.layout, fit.fit, declared.pulls.drawing)
-        yield from scale_doubt(fit.layout, declared.told, declared.pulls.drawing, reach(robot))
+        if np.sum(device_of(data) == TRACKER) < _SHOWS_LENGTHS:
+            yield from scale_doubt(fit.layout, declared.told, declared.pulls.drawing, reach(robot))
     else:
         yield SCALE
     if gravity_alone(data):
