@@ -4,6 +4,7 @@ or, where none stands, an unknown function outdoes them."""
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from exactarm.commands.diagnose import _objected, _structure
@@ -32,7 +33,8 @@ def judged(monkeypatch):
     def make(by_set: dict[str, list[float]], gain: float = 5.0, share: float = 1.0) -> Judged:
         def of(problem, declared, selection, causes) -> Judged:
             present = "".join(a.effect.name for a in selection.accepted)
-            return Judged(selection, [], [], [gain] * len(present), by_set[present])
+            gains = [gain] * len(present)
+            return Judged(selection, [], [], gains, gains, by_set[present])
 
         monkeypatch.setattr(standing, "refit", lambda problem, declared, effects, *last: fit_of(effects))
         monkeypatch.setattr(Judged, "of", staticmethod(of))
@@ -96,3 +98,20 @@ def test_where_nothing_else_is_left_the_evidence_names_what_does_not_stand(judge
     told = _structure(result)
     assert told["probability"] == pytest.approx(0.98)
     assert told["evidence"].startswith("the fitted rows ask for b of axis 1, which does not stand")
+
+
+def test_a_round_that_lost_is_judged_once_more_beside_what_came_after(monkeypatch):
+    """What it mended had hidden another cause: errors of the last model with and without it decide."""
+    rows = np.random.default_rng(1).normal(size=400)
+    errors = [{"identification": np.abs(size * rows), "validation": np.abs(size * rows)}
+              for size in (1.0, 1.1, 0.8)]
+    monkeypatch.setattr(standing, "refit", lambda problem, declared, effects, *last: fit_of(effects))
+    monkeypatch.setattr(standing, "errors_of", lambda problem, fitted: errors[1])
+    problem = SimpleNamespace(settled=lambda fitted: fitted, numbers_of_error=1,
+                              correlation_factor=lambda fitted: 1.0)
+    accepted = tuple(Accepted(effect(name), 10.0, 1.0, (), k) for k, name in enumerate("ab"))
+    selection = Selection((fit_of(()), fit_of("a"), fit_of("ab")), accepted)
+    gains = standing.held_out_gains(errors, 1, 1.0)
+    assert gains[0] < 0.0 < gains[1]
+    alone = [standing._gain_of(problem, None, selection, errors[-1], k, gains) for k in range(2)]
+    assert alone[0] > 0.0 and alone[1] == gains[1]

@@ -8,6 +8,7 @@ in the library, with its probability: what it takes away, the others would be ju
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -47,12 +48,13 @@ class Dropped:
 @dataclass(frozen=True)
 class Judged:
     """A selection by all rows: errors of every fit by set of rows, own shares, gains of the rounds in nats,
-    and the probability of every effect."""
+    and of every effect its gain, as far as its round or the last model tells it, and its probability."""
 
     selection: Selection
     errors: list[dict[str, np.ndarray]]
     own: list[Own]
     gains: list[float]
+    of_each: list[float]
     sure: list[float]
 
     @staticmethod
@@ -60,18 +62,20 @@ class Judged:
         last, errors = selection.fits[-1], [errors_of(problem, fitted) for fitted in selection.fits]
         own = own_shares(problem, last, len(declared.effects))
         gains = held_out_gains(errors, problem.numbers_of_error, problem.correlation_factor(last))
-        sure = [with_held_out(accepted.probability, causes.places[k].nothing, own[k].gain) if causes
-                else _by_held_out(accepted, gains[accepted.round], own[k] if own else None)
+        each = [own[k].gain if own else _gain_of(problem, declared, selection, errors[-1], k, gains)
+                for k in range(len(selection.accepted))]
+        sure = [with_held_out(accepted.probability, causes.places[k].nothing, each[k]) if causes
+                else _by_held_out(accepted, gains[accepted.round], own[k]) if own
+                else _by_held_out(accepted, each[k], None)
                 for k, accepted in enumerate(selection.accepted)]
-        return Judged(selection, errors, own, gains, sure)
+        return Judged(selection, errors, own, gains, each, sure)
 
     def _contradicted(self, place: int) -> bool:
         """Whether held-out rows have left an effect less likely than not, or speak against it: alone, or
         against all together."""
         accepted = self.selection.accepted[place]
         by_fitted = accepted.probability * accepted.share
-        gain = self.own[place].gain if self.own else self.gains[accepted.round]
-        return by_fitted >= NAMED_AT or gain < 0.0 or sum(self.gains) < 0.0
+        return by_fitted >= NAMED_AT or self.of_each[place] < 0.0 or sum(self.gains) < 0.0
 
     def _unlikely(self) -> list[int]:
         """Places of effects that may not stay."""
@@ -107,6 +111,19 @@ class Judged:
 
 def _without(each: tuple, out: int) -> tuple:
     return each[:out] + each[out + 1 :]
+
+
+def _gain_of(problem: Problem, declared: Layout, selection: Selection, errors: dict[str, np.ndarray],
+             place: int, gains: Sequence[float]) -> float:
+    """Of one effect with the held-out rows: its round's, unless that is a loss and others came later, which
+    may have hidden behind what it mended; then that of the last model beside one without it."""
+    own, last = gains[selection.accepted[place].round], selection.fits[-1]
+    if own >= 0.0 or selection.accepted[place].round == len(gains) - 1:
+        return own
+    others = [a.effect for a in _without(selection.accepted, place)]
+    without = errors_of(problem, problem.settled(refit(problem, declared, others, last)))
+    factor = problem.correlation_factor(last)
+    return max(own, *held_out_gains((without, errors), problem.numbers_of_error, factor))
 
 
 def errors_of(problem: Problem, fitted: Fitted) -> dict[str, np.ndarray]:
