@@ -51,16 +51,16 @@ def force_in_sensor(view: View, q: np.ndarray, nominal: np.ndarray,
     for session in np.unique(sessions):
         runs = [(rows, axis) for rows, axis in view.moving_runs
                 if sessions[rows[0]] == session and (session, axis) in shown]
-        last = max((axis for _, axis in runs), default=0)
-        frames = [_core.frame_poses(view.robot_at_origin, q[rows])[1] for rows, _ in runs]
-        link = [each[:, last + 1] for each in frames]
-        body = np.array([on[0].T @ each[0, axis, :, 2] * sign[axis]
-                         for each, on, (_, axis) in zip(frames, link, runs)]).reshape(-1, 3)
-        seen = np.array([shown[session, axis] for _, axis in runs]).reshape(-1, 3)
-        mount = _mount(body, seen)
+        if len({axis for _, axis in runs}) < 2:
+            continue
+        link = max(axis for _, axis in runs) + 1
+        turned = lambda rows: _core.frame_poses(view.robot_at_origin, q[rows])[1]
+        begins = turned(np.array([rows[0] for rows, _ in runs]))
+        body = np.array([at[link].T @ at[axis, :, 2] * sign[axis] for at, (_, axis) in zip(begins, runs)])
+        mount = _mount(body, np.array([shown[session, axis] for _, axis in runs]))
         if mount is not None:
-            for (rows, _), on in zip(runs, link):
-                force[rows] = -(view.robot.gravity / GRAVITY_M_S2) @ on @ mount.T
+            for rows, _ in runs:
+                force[rows] = -(view.robot.gravity / GRAVITY_M_S2) @ turned(rows)[:, link] @ mount.T
     return force
 
 
@@ -68,7 +68,7 @@ def _mount(body: np.ndarray, seen: np.ndarray) -> np.ndarray | None:
     """The rotation (3, 3) that takes directions (K, 3) of the link to what the sensor shows of them; None
     where all are parallel, or no rigid mount has these."""
     left, sizes, right = svd(seen.T @ body)
-    if len(body) < 2 or sizes[1] < np.sin(_PARALLEL_RAD) ** 2 * sizes[0]:
+    if sizes[1] < np.sin(_PARALLEL_RAD) ** 2 * sizes[0]:
         return None
     mount = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
     return mount if np.abs(body @ mount.T - seen).max() < _RIGID else None
