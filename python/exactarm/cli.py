@@ -176,16 +176,27 @@ def _one_blas_thread() -> None:
 
 @contextmanager
 def _interruptible() -> Iterator[None]:
-    """A polite kill ends a run as Ctrl-C does."""
-    def interrupt(*_: object) -> None:
+    """A polite kill ends a run as Ctrl-C does, whatever comes out of it: an ImportError, of an import that it
+    breaks off."""
+    asked: list[int] = []
+
+    def interrupt(number: int, _: object) -> None:
+        asked.append(number)
         raise KeyboardInterrupt
 
+    ctrl_c = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    numbers = (signal.SIGTERM, signal.SIGINT) if ctrl_c else (signal.SIGTERM,)
     try:
-        earlier = signal.signal(signal.SIGTERM, interrupt)
+        earlier = {number: signal.signal(number, interrupt) for number in numbers}
     except ValueError:  # not the main thread
         yield
         return
     try:
         yield
+    except Exception as error:
+        if asked:
+            raise KeyboardInterrupt from error
+        raise
     finally:
-        signal.signal(signal.SIGTERM, earlier)
+        for number, handler in earlier.items():
+            signal.signal(number, handler)

@@ -204,6 +204,24 @@ def test_a_killed_run_leaves_no_result_not_even_an_old_one(package, tmp_path, nu
     assert not (out / ".partial").exists()
 
 
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM"])
+def test_an_import_that_was_broken_off_is_no_fault(package, tmp_path, capsys, number):
+    """A library's own set-up turns the interrupt into an error of its own."""
+    (tmp_path / package / "weigh.py").write_text(textwrap.dedent(f"""
+        import os, signal, time
+        NAME = 'weigh'
+        HELP = 'weighs the robot'
+        try:
+            os.kill(os.getpid(), signal.{number})
+            time.sleep(5.0)
+        except KeyboardInterrupt:
+            raise ImportError('initialization failed')
+    """))
+    assert run(package, "weigh", "nobody", "--out", tmp_path / "out") == 130
+    assert capsys.readouterr().err == "exactarm: error: interrupted; nothing was written\n"
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
 def test_help_lists_all_commands_without_importing_them(package, tmp_path, capsys):
     (tmp_path / package / "weigh.py").write_text("NAME = 'weigh'\nHELP = 'weighs the robot'\nraise "
                                                  "RuntimeError")
