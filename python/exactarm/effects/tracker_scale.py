@@ -1,6 +1,7 @@
 """Tracker scale: the measuring device stretches its own axes: measured_k += scale_k measured_k.
 
-A scale that is the same on all three axes is absorbed by the arm's geometry, so at most two are told at once.
+A scale that is the same on all three axes is absorbed by the arm's geometry, so at most two are told at once;
+but for the way of a sliding axis whose ratio is not estimated again, which no length absorbs.
 """
 
 from collections.abc import Iterable
@@ -40,4 +41,7 @@ class TrackerScale(Effect):
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
-        return (cls(None, (0.0,) * 3, axes) for axes in ("x", "y", "z", "xy"))
+        slides = any(joint.type == "prismatic" and joint.ratio is None and moves
+                     for joint, moves in zip(robot.joints, view.moving))
+        told = ("x", "y", "z", "xy", *(("xyz",) if slides else ()))
+        return (cls(None, (0.0,) * 3, axes) for axes in told)
