@@ -12,10 +12,12 @@ import numpy as np
 from exactarm.data.kinds import WITH_TARGET
 from exactarm.effects.base import Change, Effect, Parameter, Station
 
+_ALIKE = "alike"
+
 
 @dataclass(frozen=True)
 class TrackerScale(Effect):
-    """Scale errors along the device's axes; `axes`: which of x, y, z are estimated."""
+    """Scale errors along the device's axes; `axes`: which of x, y, z are estimated; "alike": one for all."""
 
     axes: str = "z"
 
@@ -29,13 +31,17 @@ class TrackerScale(Effect):
     source = "ASME B89.4.19 (ranging and angular errors of laser trackers)"
 
     def parameters(self) -> tuple[Parameter, ...]:
-        return tuple(Parameter(f"{axis}_scale", 1e-4, -0.1, 0.1, fixed=axis not in self.axes)
-                     for axis in "xyz")
+        told = "x" if self.axes == _ALIKE else self.axes
+        return tuple(Parameter(f"{axis}_scale", 1e-4, -0.1, 0.1, fixed=axis not in told) for axis in "xyz")
+
+    def with_values(self, values: Iterable[float]) -> Effect:
+        values = tuple(values)
+        return super().with_values(values[:1] * 3 if self.axes == _ALIKE else values)
 
     def change(self, view) -> Change:
         scale = np.asarray(self.values)
         measured = view.measured[:, :3]
-        derivative = measured[:, :, None] * np.eye(3)
+        derivative = measured[:, :, None] * (np.eye(3)[0] if self.axes == _ALIKE else np.eye(3))
         by_measured = np.broadcast_to(np.diag(scale), (view.rows, 3, 3))
         return Change((0, 1, 2), scale * measured, derivative, {"measured": by_measured})
 
@@ -43,5 +49,5 @@ class TrackerScale(Effect):
     def candidates(cls, robot, view) -> Iterable[Effect]:
         slides = any(joint.type == "prismatic" and joint.ratio is None and moves
                      for joint, moves in zip(robot.joints, view.moving))
-        told = ("x", "y", "z", "xy", *(("xyz",) if slides else ()))
+        told = ("x", "y", "z", "xy", *(("xyz", _ALIKE) if slides else ()))
         return (cls(None, (0.0,) * 3, axes) for axes in told)
