@@ -8,8 +8,10 @@ import pytest
 from exactarm.chain import Layout
 from exactarm.diagnose import posterior
 from exactarm.diagnose.evidence import Members
+from exactarm.diagnose.idle_causes import idle_places, least_told
 from exactarm.diagnose.posterior import Place
 from exactarm.effects import effect_from_table
+from exactarm.effects.gear_eccentricity import GearEccentricity
 from exactarm.effects.gear_harmonics import GearHarmonics
 from exactarm.effects.joint_compliance import RelativeCompliance
 from exactarm.robot_file import load_robot
@@ -27,14 +29,27 @@ def fitted(effects, residual=0.0):
     held = np.concatenate([np.full(int(free.sum()), effect is BASE)
                            for effect, free in zip(layout.effects, layout.free)] or [np.zeros(0, bool)])
     return SimpleNamespace(layout=layout, residual=np.full((5, 3), residual), robot=load_robot("ur10"),
-                           fit=SimpleNamespace(at_bound=held.astype(bool), covariance=np.eye(held.size)))
+                           fit=SimpleNamespace(at_bound=held.astype(bool),
+                                               covariance=1e-9 * np.eye(held.size)))
 
 
 @pytest.mark.parametrize(("effects", "idle"),
                          [([BASE, RUN_OUT], [0]), ([RUN_OUT, BASE], [1]), ([RUN_OUT], []),
                           ([OF_A_SHARE, RUN_OUT], [0])])
 def test_what_a_bound_holds_at_zero_or_no_arm_can_have_is_idle(effects, idle):
-    assert posterior._idle(fitted(effects), DECLARED) == idle
+    assert idle_places(fitted(effects), DECLARED) == idle
+
+
+def test_the_effect_that_a_fit_tells_least_from_zero_goes_alone():
+    """Two that trade are each uncertain: the other takes what the one leaves."""
+    def told(*spreads):
+        joint = [GearEccentricity(axis, (3e-4, 0.0, 0.0, 0.0)) for axis in range(1, len(spreads) + 1)]
+        fit = fitted(joint)
+        fit.fit.covariance = np.diag(np.repeat(np.square(spreads), 4))
+        return least_told(fit, DECLARED)
+
+    assert told(1e-5, 2e-5) == []
+    assert told(1e-5, 3e-4) == [1] and told(5e-4, 3e-4, 1e-5) == [0]  # 0.4 and 1 of 4 values
 
 
 @pytest.mark.parametrize("chosen", [[], [RUN_OUT]])

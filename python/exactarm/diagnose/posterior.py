@@ -21,6 +21,7 @@ from exactarm.diagnose.cross_validation import folds_of
 from exactarm.diagnose.decisions import CONFIRMED, CREDIBLE, DOUBT, NAMED_AT
 from exactarm.diagnose.evidence import Members, Picture
 from exactarm.diagnose.fitted import Fitted
+from exactarm.diagnose.idle_causes import idle_places, least_told
 from exactarm.diagnose.joint_fit import candidates_for, refit
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import Candidate
@@ -161,7 +162,8 @@ def _causes(problem: Problem, declared: Layout, progress: Progress,
         else:
             undecided = tuple(p for p in asked_for if not new and p.one_of_many)
             break
-    while idle := _idle(fits[-1], declared):  # what the causes of later rounds have taken over
+    # what the causes of later rounds have taken over
+    while idle := idle_places(fits[-1], declared) or least_told(fits[-1], declared):
         chosen, places = ([one for k, one in enumerate(each) if k not in idle] for each in (chosen, places))
         fits[-1] = refit(problem, declared, chosen, fits[-1], noise) if chosen else first
     if chosen != (fuller := [effect.with_all_terms() for effect in chosen]):
@@ -367,20 +369,11 @@ def _confirmed(problem, declared, chosen, fitted, found: Found, places: list[Pla
         before, after = (_weighted_square(found.noise, at.residual) for at in (fitted, trial))
         left = lambda kept: found.picture.quadratic(_only(found, kept))[1]
         promised = left([]) - left(places)
-        idle = [k - len(chosen) for k in _idle(trial, declared) if k >= len(chosen)]
+        idle = [k - len(chosen) for k in idle_places(trial, declared) if k >= len(chosen)]
         if before - after >= CONFIRMED * promised and not idle:
             return places, trial
         places = [place for k, place in enumerate(places) if k not in (idle or [len(places) - 1])]
     return [], fitted
-
-
-def _idle(fitted: Fitted, declared: Layout) -> list[int]:
-    """Places, behind the declared ones, of effects that their bounds hold at zero, or no arm can have."""
-    layout, spread = fitted.layout, np.sqrt(np.diag(fitted.fit.covariance))
-    each = list(zip(layout.effects, layout.free, layout.slices))[len(declared.effects) :]
-    held = lambda values, where: fitted.fit.at_bound[where].all() and not np.any(values)
-    return [k for k, (one, free, where) in enumerate(each) if free.any() and (
-        held(np.array(one.values)[free], where) or not one.possible(fitted.robot, spread[where]))]
 
 
 def _only(found: Found, places: list[Place]) -> Members:

@@ -1,0 +1,29 @@
+"""Which causes of a joint fit are none beside the others, however likely they were before them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from exactarm.chain import Layout
+from exactarm.diagnose.fitted import Fitted
+
+
+def idle_places(fitted: Fitted, declared: Layout) -> list[int]:
+    """Places, behind the declared ones, of effects that their bounds hold at zero, or no arm can have."""
+    layout, spread = fitted.layout, np.sqrt(np.diag(fitted.fit.covariance))
+    each = list(zip(layout.effects, layout.free, layout.slices))[len(declared.effects) :]
+    held = lambda values, where: fitted.fit.at_bound[where].all() and not np.any(values)
+    return [k for k, (one, free, where) in enumerate(each) if free.any() and (
+        held(np.array(one.values)[free], where) or not one.possible(fitted.robot, spread[where]))]
+
+
+def least_told(fitted: Fitted, declared: Layout) -> list[int]:
+    """The place, as of `idle_places`, of the effect whose values the joint fit tells least from zero, if by
+    less than chance does: v' C^-1 v below their number. Where two trade one is left, and takes it."""
+    layout, found = fitted.layout, {}
+    each = list(zip(layout.effects, layout.slices))[len(declared.effects) :]
+    for place, (effect, where) in enumerate(each):
+        values, covariance = layout.values[where], fitted.fit.covariance[where, where]
+        if not (effect.any_curve or effect.excludes_rows()) and np.all(np.diag(covariance) > 0.0):
+            found[place] = float(values @ np.linalg.solve(covariance, values)) / len(values)
+    return [min(found, key=lambda place: found[place])] if found and min(found.values()) < 1.0 else []
