@@ -173,7 +173,8 @@ def _misspelt(name: str) -> str | None:
     if match is None:
         return None
     close = difflib.get_close_matches(match[1].lower(), JOINT_UNITS, n=1, cutoff=_ALMOST)
-    return f"{close[0]}_{match[2]}_{match[3]}" if close else None
+    unit = next(unit for unit in _ALL_UNITS if unit.lower() == match[3].lower())
+    return f"{close[0]}_{match[2]}_{unit}" if close else None
 
 
 def _factor(quantity: str, unit: str, units: dict[str, float], file: str, name: str) -> float:

@@ -237,6 +237,9 @@ def _refuse_ragged(path: str | Path, body: pa.Buffer, names: list[str], dialect:
 def _number(path: str | Path, name: str, row: int, cell: str, dialect: Dialect) -> float:
     plain = dialect.plain(cell)
     if not is_number(plain):
+        if len(cell.split()) == len(name.split()) > 1:
+            raise InputError("cells parted by blanks; expected commas, semicolons or tabs", file=path,
+                             row=row)
         found = f"{reprlib.repr(cell)}{dialect.ambiguity(cell)}" if cell.strip() else "empty cell"
         raise InputError(f"{found}; expected a number", file=path, row=row, column=name)
     return float(plain)
