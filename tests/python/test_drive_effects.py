@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import pytest
 from central_difference import assert_derivative
 from exactarm import _core
 from exactarm.chain import Layout, View, predict_poses
+from exactarm.commands.effect_sections import _size
 from exactarm.data.dataset import Dataset
 from exactarm.effects import Station, effect_from_table, library
 from exactarm.effects.frames import Frames
@@ -153,6 +155,18 @@ def test_a_body_adds_its_own_inertia_to_that_of_the_point():
     assert len(Payload.from_table(Payload(None, tuple(point)).to_table()).values) == 4
     assert payload.possible(six_axis(), np.zeros(10))
     assert not payload.with_values([*body[:-1], -0.2]).possible(six_axis(), np.full(10, 0.05))
+
+
+def test_a_payload_is_told_by_its_mass_where_that_is_certain():
+    """Its centre, 0.00 +- 0.13 mm, had stood as the size of a payload."""
+    def told(low: float):
+        payload = Payload(None, (2.0, 0.0, 0.0, 0.2))
+        intervals = np.array([[low, 4.0 - low], [-1e-4, 1e-4], [-1e-4, 1e-4], [0.19, 0.21]])
+        centre = {"com_x_m": (0.0, -1e-4, 1e-4)}
+        finding = SimpleNamespace(effect=payload, intervals=intervals, derived=centre)
+        return _size(finding, None, six_axis())[0]
+
+    assert told(1.9) == "mass" and told(-1.0) == "com x"
 
 
 def test_centre_of_mass_follows_with_its_uncertainty():

@@ -196,14 +196,16 @@ def _size(finding: Finding, contribution: Contribution | None, robot: Robot) -> 
     if effect.orders() and contribution is not None:
         value, half = contribution.peak_to_peak
         return "peak to peak", Estimate(value, value - half, value + half, contribution.unit)
-    for name, numbers in finding.derived.items():
-        return words_of(name), Estimate(*numbers, unit_of(name))
     free = [(p, v, i) for p, v, i in zip(effect.parameters(), effect.values, finding.intervals)
             if not (p.fixed or np.isnan(i[0]))]
+    clear = [one for one in free if not one[2][0] <= 0.0 <= one[2][1]]
+    told = [one for one in free if one[0].name == effect.told_by]
+    for name, numbers in finding.derived.items():
+        if not (told and told[0] in clear):
+            return words_of(name), Estimate(*numbers, unit_of(name))
     if not free:
         return "", None
-    clear = [one for one in free if one[0].name == effect.told_by]
-    clear = clear or [one for one in free if not one[2][0] <= 0.0 <= one[2][1]] or free[:1]
+    clear = told or clear or free[:1]
     alike = [one for one in clear if unit_of(one[0].name) == unit_of(clear[0][0].name)]
     parameter, value, (low, high) = max(alike, key=lambda one: abs(one[1]))
     name = effect.in_units_of(robot, parameter.name)

@@ -33,6 +33,7 @@ class Payload(Effect):
     a body with its six moments of inertia (kg m^2) about its centre."""
 
     name = "payload"
+    told_by = "mass_kg"
     plain = "a payload that is not as declared"
     station = Station.LOAD
     kinds = (POSES.name, MOTION.name, TRACKED_MOTION.name)
