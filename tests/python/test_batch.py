@@ -136,6 +136,7 @@ def test_a_wrong_row_is_refused_with_its_place(row, message):
     ("command,robot,fixtur\nevaluate,ur10,x", "column fixtur: 'fixtur': no option of these commands; "
                                                "did you mean fixture"),
     ("command,robot,\nevaluate,ur10,5", "column (no name)"),
+    ("command,robot,options\nevaluate,ur10,--seed 2", "column options: expected a column for each option"),
     ("command,robot,files,files\nevaluate,ur10,a.csv,b.csv", "column files: column given twice"),
     ("command,robot\nevaluate,ur10,a.csv,b.csv", "row 1: has 2 cells more than there are columns"),
     ("command,robot\nevaluate,-h", "row 1, column robot: '-h'; expected a name, no option"),

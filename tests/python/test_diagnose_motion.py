@@ -253,7 +253,8 @@ def test_a_payload_that_is_a_body_is_neither_a_point_nor_links_with_other_masses
     assert built["mass_kg"][0] < mass < built["mass_kg"][1]
     for axis, true in zip("xyz", np.diag(own)):
         low, high = built[f"inertia_{axis}{axis}_kg_m2"]
-        assert low - (high - low) < true < high + (high - low)
+        spare = 0.5 * (high - low)  # four standard deviations: three numbers at 95 % miss too often
+        assert low - spare < true < high + spare
     assert result.after["validation"].rms < 1.05 * NOISE_NM
 
 

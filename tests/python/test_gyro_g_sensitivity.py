@@ -75,13 +75,15 @@ def mounted(axes: list[int], matrix: np.ndarray, seed: int):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, 2])  # the first two tried; 0 to 7 all hold
 def test_a_sensor_under_several_axes_has_one_matrix_in_its_own_axes(seed):
     """In the axes of each moving joint, as before, it would be another one under each: a bias was named."""
     found = diagnose(*mounted([1, 3, 4], MATRIX, seed))
     assert found.verdict == EXPLAINED and [f.effect.label for f in found.findings] == ["gyro_g_sensitivity"]
-    estimated = np.reshape(found.findings[0].effect.values, (3, 3))
-    assert np.max(np.abs(estimated - MATRIX)) < 1e-4
+    effect, intervals = found.findings[0].effect, found.findings[0].intervals
+    deviation = np.diff(intervals, axis=1)[:, 0] / (2.0 * 1.96)
+    assert np.all(deviation < 1e-4)
+    assert np.all(np.abs(np.array(effect.values) - MATRIX.ravel()) < 4.0 * deviation)
 
 
 def test_files_of_three_terms_are_those_of_the_moving_axis():

@@ -38,7 +38,7 @@ def slipped(axes: list[int], before: int, held_out: tuple[int, ...], seed: int, 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, 2])  # the first two tried; 0 to 7 all hold
 def test_a_slip_that_one_fitted_run_shows_is_found(seed):
     """Nothing says whether the run between the last fitted one before and the first one after had slipped."""
     found = diagnose(*slipped([1] * 5, 3, (2, 4), seed))
@@ -50,7 +50,13 @@ def test_a_slip_that_one_fitted_run_shows_is_found(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2])
+def test_an_axis_whose_only_run_to_judge_lies_in_the_gap_has_no_error():
+    found = diagnose(*slipped([1, 4] * 4, 4, (5, 8), 1))  # any seed: which rows judge is asked, no size
+    assert [axis["joint"] for axis in found.axes] == [5]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])  # the first two tried; 0 to 7 all hold
 def test_a_slip_under_three_axes_is_one_turn_about_any_vector(seed):
     found = diagnose(*slipped([1, 2, 4, 1, 2, 4, 1, 2, 4, 1, 2, 4], 6, (6,), seed))
     assert found.verdict == EXPLAINED
@@ -63,7 +69,7 @@ def test_a_slip_under_three_axes_is_one_turn_about_any_vector(seed):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, 2])  # the first two tried; 0 to 7 all hold, 2 with the least sum
 def test_a_slip_that_had_hidden_a_ratio_stands_beside_it(seed):
     """Before the ratio is known the mended tilt makes the error along the axis larger. Of parallel axes a
     coupling is the same signal: each of the two has about one half, so that the verdict is not asked for."""
@@ -71,4 +77,5 @@ def test_a_slip_that_had_hidden_a_ratio_stands_beside_it(seed):
     assert not found.dropped
     first, second = found.findings
     assert first.effect.label == "gyro_misalignment" and first.probability > 0.99
-    assert second.effect.label in ("gear_ratio_3", "joint_coupling_2_by_3") and second.probability > 0.4
+    members = {(name, joint): probability for name, joint, probability in second.credible_set}
+    assert members["gear_ratio", 3] + members["joint_coupling", 2] > 0.8  # something else has the rest

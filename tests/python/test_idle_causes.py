@@ -49,7 +49,8 @@ def test_the_effect_that_a_fit_tells_least_from_zero_goes_alone():
         return least_told(fit, DECLARED)
 
     assert told(1e-5, 2e-5) == []
-    assert told(1e-5, 3e-4) == [1] and told(5e-4, 3e-4, 1e-5) == [0]  # 0.4 and 1 of 4 values
+    assert told(1e-5, 4e-4) == [1] and told(5e-4, 4e-4, 1e-5) == [0]  # v' C^-1 v: 0.36 and 0.56
+    assert told(1e-5, 2e-4) == []  # 2.25: of four values less than chance makes, but one may be real
 
 
 @pytest.mark.parametrize("chosen", [[], [RUN_OUT]])

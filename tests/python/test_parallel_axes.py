@@ -96,7 +96,8 @@ def gantry() -> Robot:
 
 
 def test_guides_that_are_not_square_are_geometry():
-    """What turns axis 3 about axis 2 is no zero of a sliding axis."""
+    """What turns axis 3 about axis 2 is no zero of a sliding axis. Seed 4 was the first tried; of 0 to 11
+    one, 10, is among the 5 % whose interval misses."""
     rng, robot = np.random.default_rng(4), gantry()
     assert ["beta_rad" in Geometry.of(robot, index).names for index in range(3)] == [False, True, True]
     built = robot.with_joint(1, zero=robot.joints[1].zero + LEAN_RAD)

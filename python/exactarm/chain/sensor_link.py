@@ -10,10 +10,10 @@ import numpy as np
 
 from exactarm import _core
 from exactarm.numerics.factors import svd
+from exactarm.robot.mdh_frames import NEARLY_PARALLEL
 from exactarm.robot.robot import GRAVITY_M_S2
 from exactarm.view import View
 
-_PARALLEL_RAD = 0.1  # between axes: nearer ones do not tell a mount
 _RIGID = 0.02  # of a unit vector: geometry as drawn is no worse
 
 
@@ -68,7 +68,7 @@ def _mount(body: np.ndarray, seen: np.ndarray) -> np.ndarray | None:
     """The rotation (3, 3) that takes directions (K, 3) of the link to what the sensor shows of them; None
     where all are parallel, or no rigid mount has these."""
     left, sizes, right = svd(seen.T @ body)
-    if sizes[1] < np.sin(_PARALLEL_RAD) ** 2 * sizes[0]:
+    if sizes[1] < np.sin(NEARLY_PARALLEL) ** 2 * sizes[0]:
         return None
     mount = left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right
     return mount if np.abs(body @ mount.T - seen).max() < _RIGID else None

@@ -198,11 +198,12 @@ def _size(finding: Finding, contribution: Contribution | None, robot: Robot) -> 
         return "peak to peak", Estimate(value, value - half, value + half, contribution.unit)
     free = [(p, v, i) for p, v, i in zip(effect.parameters(), effect.values, finding.intervals)
             if not (p.fixed or np.isnan(i[0]))]
-    clear = [one for one in free if not one[2][0] <= 0.0 <= one[2][1]]
+    certain = lambda one: not one[2][0] <= 0.0 <= one[2][1]
+    clear = list(filter(certain, free))
     told = [one for one in free if one[0].name == effect.told_by]
-    for name, numbers in finding.derived.items():
-        if not (told and told[0] in clear):
-            return words_of(name), Estimate(*numbers, unit_of(name))
+    if finding.derived and not any(map(certain, told)):
+        name, numbers = next(iter(finding.derived.items()))
+        return words_of(name), Estimate(*numbers, unit_of(name))
     if not free:
         return "", None
     clear = told or clear or free[:1]

@@ -127,7 +127,7 @@ def export(robot: AnyRobot, *, format: str, source: str | Path | None = None, ha
                [Highlights((Highlight("lost, mean", Quantity(cost.mean, "m")),
                             Highlight("lost, at most", Quantity(cost.largest, "m"))))]),
              Text("What the format cannot carry", (carried,)),
-             Warnings(_warnings(arm, format))),
+             Warnings((*_coupled(arm, format), *_warnings(arm, format)))),
             "plain"),
         contents={name: content},
         inputs=() if source is None else (str(source).partition("#")[0],),
@@ -156,12 +156,14 @@ def _flange_poses(robot: Robot, format: str) -> Callable[..., Any]:
     return replace(chain, end=compose(place, robot.controller.flange)).poses
 
 
+def _coupled(robot: Robot, format: str) -> tuple[str, ...]:
+    rule = robot.controller.coupling_in_words
+    if not rule or format == "offsets":
+        return ()
+    return (f"the file's joint angles are not those that the controller reports: {rule}",)
+
+
 def _warnings(robot: Robot, format: str) -> tuple[str, ...]:
-    coupled = robot.controller.coupling_in_words
-    if coupled and format != "offsets":
-        uncoupled = replace(robot.controller, coupling=None)
-        return (f"the file's joint angles are not those that the controller reports: {coupled}",
-                *_warnings(replace(robot, controller=uncoupled), format))
     if format in ("urdf", "mjcf"):
         return tuple(f"{text}; simulators refuse it (exactarm identify finds links that can exist)"
                      for text in inconsistencies(robot))

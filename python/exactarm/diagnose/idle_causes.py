@@ -19,11 +19,12 @@ def idle_places(fitted: Fitted, declared: Layout) -> list[int]:
 
 def least_told(fitted: Fitted, declared: Layout) -> list[int]:
     """The place, as of `idle_places`, of the effect whose values the joint fit tells least from zero, if by
-    less than chance does: v' C^-1 v below their number. Where two trade one is left, and takes it."""
+    less than one standard deviation, all together: v' C^-1 v < 1. Where two trade one is left, and takes
+    it."""
     layout, found = fitted.layout, {}
     each = list(zip(layout.effects, layout.slices))[len(declared.effects) :]
     for place, (effect, where) in enumerate(each):
         values, covariance = layout.values[where], fitted.fit.covariance[where, where]
         if not (effect.any_curve or effect.excludes_rows()) and np.all(np.diag(covariance) > 0.0):
-            found[place] = float(values @ np.linalg.solve(covariance, values)) / len(values)
+            found[place] = float(values @ np.linalg.solve(covariance, values))
     return [min(found, key=lambda place: found[place])] if found and min(found.values()) < 1.0 else []

@@ -14,9 +14,7 @@ from exactarm.data.kinds import GEAR_RUN
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.gyro_alignment import slope_x, slope_y, slope_z
 from exactarm.numerics.factors import svd
-from exactarm.robot.mdh_frames import rotation_x, rotation_y, rotation_z
-
-_PARALLEL_RAD = 0.1  # between the axes of the readings: nearer, a turn about them is hardly seen
+from exactarm.robot.mdh_frames import NEARLY_PARALLEL, rotation_x, rotation_y, rotation_z
 
 
 @dataclass(frozen=True)
@@ -72,6 +70,6 @@ class GyroMisalignment(Effect):
         if view.data.gyro is None or runs.size == 0:
             return ()
         _, sizes, axes = svd(view.measured[view.keep], full_matrices=False)
-        parallel = sizes[1] < np.sin(_PARALLEL_RAD) * sizes[0]
+        parallel = sizes[1] < np.sin(NEARLY_PARALLEL) * sizes[0]
         held = int(np.argmax(np.abs(axes[0]))) if parallel else None
         return (cls(None, (float(runs[0]), 0.0, 0.0, 0.0), tuple(map(float, runs)), held),)
