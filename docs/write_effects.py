@@ -6,7 +6,8 @@ Everything on the page is what the effects say of themselves: docstring, station
 from __future__ import annotations
 
 import sys
-from dataclasses import MISSING, fields, replace
+from dataclasses import fields, replace
+from enum import Enum
 from itertools import product
 from pathlib import Path
 
@@ -36,10 +37,9 @@ def variants(cls: type[Effect]) -> list[Effect]:
     forms = [cls, *forms] if "parameters" in vars(cls) and "change" in vars(cls) or not forms else forms
     found = []
     for form in forms:
-        switches = [field.name for field in fields(form)
-                    if field.default is not MISSING and field.default in (True, False)
-                    and isinstance(field.default, bool)]
-        for values, setting in product(SHAPES, product((False, True), repeat=len(switches))):
+        switches = {field.name: (False, True) if isinstance(field.default, bool) else type(field.default)
+                    for field in fields(form) if isinstance(field.default, (bool, Enum))}
+        for values, setting in product(SHAPES, product(*switches.values())):
             effect = replace(form(1 if form.per_joint else None, values), **dict(zip(switches, setting)))
             try:
                 effect.parameters()

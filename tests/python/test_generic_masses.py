@@ -137,7 +137,7 @@ def test_no_spring_is_said_to_take_load_off_that_nobody_knows():
     view = lambda of: predict_tracked_motion(of, Layout.of(()), data, tangents=False).view
     guessed = with_generic_masses(bare(robot))
     assert not tuple(GravityCompensator.candidates(guessed, view(guessed)))
-    assert len(tuple(GravityCompensator.candidates(robot, view(robot)))) == 2 * robot.axes
+    assert len(tuple(GravityCompensator.candidates(robot, view(robot)))) == 4 * robot.axes
 
 
 def test_the_size_of_a_load_is_as_unknown_as_arms_differ():

@@ -15,6 +15,7 @@ from exactarm.chain.motion import transmission
 from exactarm.effects import library
 from exactarm.effects.declared_friction import DeclaredFriction
 from exactarm.effects.declared_rotor import DeclaredRotor
+from exactarm.effects.gravity_compensator import GravityCompensator, Spring
 from exactarm.effects.time_delay import TimeDelay
 from exactarm.errors import InputError
 from motions import fourier_motion, motion_data
@@ -89,6 +90,8 @@ def effects_under_test(robot):
     yield make["gear_harmonics"](2, (5.0, 0.01, -0.02))
     yield make["joint_compliance"](2, (3e-6, 0.0))
     yield make["gravity_compensator"](2, (50.0, 20.0, 0.0, 0.0))
+    yield GravityCompensator(1, (50.0, 20.0, 0.0, 0.0, 30.0, -40.0), Spring.STIFFENING)
+    yield GravityCompensator(3, (0.0, 0.0, 30.0, 40.0, 60.0, 0.3, -0.5), Spring.HINGED)
     yield make["load_friction"](3, (0.2,))
     yield make["torque_ripple"](4, (2.0, 0.3, -0.2))
     yield make["rotor_inertia"](5, (1e-4,))

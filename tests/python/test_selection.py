@@ -21,7 +21,7 @@ from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.scan import free_mask
 from exactarm.diagnose.verdict import UNEXPLAINED
 from exactarm.effects import effect_from_table
-from exactarm.effects.gravity_compensator import GravityCompensator
+from exactarm.effects.gravity_compensator import GravityCompensator, Spring
 from exactarm.effects.payload import Payload
 from exactarm.numerics.orthonormal import orthonormal
 from exactarm.robot_file import load_robot
@@ -195,7 +195,7 @@ def test_springs_against_their_load_and_negative_rotors_or_payloads_are_impossib
 def test_a_spring_that_carries_far_more_than_there_is_to_carry_is_impossible():
     """On a wrist that bears half a Nm a spring stood for a run-out (bench/blind, tracked motion 96007)."""
     robot, sure = load_robot("racer-7-1.4"), np.ones(2)
-    crank = lambda joint, size: GravityCompensator(joint, (0.0, 0.0, 0.6 * size, 0.8 * size), crank=True)
+    crank = lambda joint, size: GravityCompensator(joint, (0.0, 0.0, 0.6 * size, 0.8 * size), Spring.CRANK)
     assert crank(2, 400.0).possible(robot, sure) and not crank(2, 4000.0).possible(robot, sure)
     assert not crank(5, 460.0).possible(robot, sure) and crank(5, 460.0).possible(robot, 300.0 * sure)
     assert not GravityCompensator(5, (0.0, 460.0, 0.0, 0.0)).possible(robot, sure)

@@ -132,11 +132,12 @@ def run(arguments: argparse.Namespace) -> CommandResult:
 
 
 def _mounted_otherwise(result: Diagnosis) -> str | None:
-    """In words: what no spring explains follows a load of declared masses, as under another gravity. Torques
-    are of that load themselves: what follows it there is a drive's gain as well."""
+    """In words: what no spring explains follows a load of declared masses, as under another gravity; of poses
+    there is a test (identify/springs_left.py). Torques are of that load themselves: what follows it there is
+    a drive's gain as well."""
     follow = any(signal.quantity == LOAD for structure in result.unknown for signal in structure.signals)
-    torques = result.kind == MOTION.name
-    if not follow or torques or result.problem.robot.links is None or result.problem.robot.generic_masses:
+    others = result.kind == MOTION.name or result.problem.by_posterior
+    if not follow or others or result.problem.robot.links is None or result.problem.robot.generic_masses:
         return None
     return ("what no spring explains follows the load that the robot file's masses make: is the arm mounted "
             "as its file's gravity_m_s2 says?")

@@ -30,6 +30,7 @@ from exactarm.identify.calibrate import (
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, reestimated_layout
 from exactarm.identify.match import require_match
 from exactarm.identify.pose_fit import PoseFit, fit_poses
+from exactarm.identify.springs_left import mounted_otherwise
 from exactarm.robot.robot import Robot
 
 
@@ -54,6 +55,9 @@ class PoseProblem(ProblemAtRest):
 
     def declared(self) -> Layout:
         return self.calibrated.layout
+
+    def doubts(self, fitted: Fitted) -> tuple[str, ...]:
+        return tuple(mounted_otherwise(self.calibrated))
 
     @cached_property
     def _rounding(self) -> np.ndarray | None:

@@ -8,7 +8,7 @@ whole library; the evidences of that contest give its probability and its rivals
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -139,16 +139,14 @@ def _best_addition(problem, declared, chosen, fitted, ranking):
     asked = [c for c in ranking[:_SHORTLIST] if c.evidence >= LEAST_EVIDENCE]
     shortlist = [c for c in asked if _evidence(problem, fitted, c) >= LEAST_EVIDENCE]
     for place, candidate in enumerate(shortlist):
-        candidate = _worthy_form(problem, fitted, candidate, parted)
-        if candidate is None:
-            continue
-        group, excludes = [candidate.effect], candidate.effect.excludes_rows()
-        if not excludes:
-            group = _independent(problem, fitted, [candidate, *shortlist[place + 1 :]], parted)
-        for effects in (group, group[:1]) if len(group) > 1 else (group,):
-            trial = refit(problem, declared, chosen + effects, fitted)
-            if excludes or _confirmed(problem, declared, fitted, trial, candidate.gain):
-                return [*trial.layout.effects[len(declared.effects):]], trial
+        for form in _worthy_forms(problem, fitted, candidate, parted):
+            group, excludes = [form.effect], form.effect.excludes_rows()
+            if not excludes:
+                group = _independent(problem, fitted, [form, *shortlist[place + 1 :]], parted)
+            for effects in (group, group[:1]) if len(group) > 1 else (group,):
+                trial = refit(problem, declared, chosen + effects, fitted)
+                if excludes or _confirmed(problem, declared, fitted, trial, form.gain):
+                    return [*trial.layout.effects[len(declared.effects):]], trial
     return _best_pair(problem, declared, chosen, fitted, asked, parted)
 
 
@@ -161,20 +159,20 @@ def _evidence(problem: Problem, fitted: Fitted, candidate: Candidate) -> float:
     return robust_evidence(fitted, candidate, columns, problem.groups(), count_of(problem, fitted))
 
 
-def _worthy_form(problem, fitted, candidate: Candidate, parted) -> Candidate | None:
-    """The candidate, or another form of the same cause where cross-validation does not support it (a curve
-    that wraps around single poses hides the one order that is there); None where no form is."""
+def _worthy_forms(problem, fitted, candidate: Candidate, parted) -> Iterator[Candidate]:
+    """The candidate and then the other forms of the same cause that cross-validation supports: a curve that
+    wraps around single poses hides the one order that is there, a crank whose hinge ends at its bound the
+    spring that only stiffens."""
     if is_worth(problem, fitted, [candidate.effect], parted):
-        return candidate
+        yield candidate
     if not candidate.effect.family:
-        return None
+        return
     field, count = candidates_for(problem, fitted), count_of(problem, fitted)
     forms = forms_of(fitted, candidate.effect, field, count, LEAST_EVIDENCE)
     for form in sorted(forms.values(), key=lambda form: -form.evidence):
         if (differs(form.effect, candidate.effect) and _evidence(problem, fitted, form) >= LEAST_EVIDENCE
                 and is_worth(problem, fitted, [form.effect], parted)):
-            return form
-    return None
+            yield form
 
 
 def _best_pair(problem, declared, chosen, fitted, shortlist: list[Candidate], parted):

@@ -92,8 +92,11 @@ class JointCompliance(Effect):
         return super().per_guessed_load(view) * np.array(power)
 
     def possible(self, robot, deviation) -> bool:
+        """No spring gives way against its load: where the linear term is zero, the cubic one decides."""
         stiffness = robot.joints[self.index].spring_linear
-        return self.values[0] + (1.0 / stiffness if stiffness else 0.0) >= 0.0
+        linear = self.values[0] + (1.0 / stiffness if stiffness else 0.0)
+        cubic = {p.name: value for p, value in zip(self.parameters(), self.values)}["cubic_rad_per_Nm3"]
+        return linear > 0.0 or linear == 0.0 <= cubic
 
     def change(self, view) -> Change:
         linear, cubic = self.values

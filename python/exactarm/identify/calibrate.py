@@ -31,7 +31,6 @@ from exactarm.identify.declared import (
     with_estimates,
 )
 from exactarm.identify.drawing import FREE, Drawn
-from exactarm.identify.guessed_springs import springs_not_estimated
 from exactarm.identify.identifiability import Identifiability, select_identifiable, still_axes
 from exactarm.identify.load_doubt import with_load_doubt
 from exactarm.identify.loads import kept_masses, with_loads
@@ -39,6 +38,7 @@ from exactarm.identify.match import require_match
 from exactarm.identify.pose_fit import PoseFit, fit_poses
 from exactarm.identify.repeats import worth_of_rows
 from exactarm.identify.session_payloads import EstimatedPayload, payload_layout, session_payloads
+from exactarm.identify.springs_left import mounted_otherwise, springs_not_estimated
 from exactarm.identify.statistics import ErrorSummary, summarise
 from exactarm.identify.wild_rows import wild_elsewhere_line, wild_rows, wild_rows_line
 from exactarm.measurement.session_payload import SessionPayload
@@ -331,11 +331,8 @@ def _beyond_bounds(fit: PoseFit, data: Dataset):
     for k in np.flatnonzero(fit.fit.at_bound):
         alone = columns[:, k] - free @ lstsq(free, columns[:, k], rcond=None)[0]
         if abs(alone @ residual) > _BEYOND * np.linalg.norm(alone):
-            effect = next(effect for effect, where in zip(fit.layout.effects, fit.layout.slices)
-                          if where.start <= k < where.stop)
-            mounted = "; is the arm mounted as its file's gravity_m_s2 says?" if effect.by_load else ""
             yield (f"{fit.layout.names[k]} lies at its bound: the data asks for a value that no drive or "
-                   f"structure can have{mounted}")
+                   "structure can have")
 
 
 def _parallel(robot: Robot) -> bool:
@@ -355,6 +352,7 @@ def _warnings(fit: PoseFit, data: Dataset, found: list):
         yield ("no parameter of the robot was identified: base and tool frames take up all that these axes "
                "do, so its file is as it was; `exactarm diagnose` judges its gears all the same")
     yield from _beyond_bounds(fit, data)
+    yield from mounted_otherwise(fit)
     yield from springs_not_estimated(fit)
     if fit.fit.freedom < 2 * fit.layout.size:
         yield (
