@@ -15,6 +15,7 @@ import numpy as np
 from scipy import special
 
 from exactarm.diagnose.fitted import Fitted, Products
+from exactarm.diagnose.joint_fit import count_of
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.signal import Direction, Signal
 from exactarm.diagnose.smoothness import closeness, follows_space
@@ -69,7 +70,7 @@ def dossier(problem: Problem, fitted: Fitted) -> Dossier:
     """Tests every signal of the problem along every direction of it; keeps the best direction of each
     signal."""
     residual = fitted.whitened
-    numbers, freedom = fitted.data_numbers, max(_effective(problem, fitted) - fitted.spent, 1.0)
+    numbers, freedom = fitted.data_numbers, count_of(problem, fitted)
     square = float(residual[:numbers] @ residual[:numbers])
     signals, directions = problem.signals(fitted), problem.directions(fitted)
     columns = {signal: indicator(values) for signal, values in signals.items()} | problem.surfaces(fitted)
@@ -93,11 +94,6 @@ def indicator(values: np.ndarray) -> np.ndarray:
         return (values[:, None] == distinct).astype(float)
     edges = np.quantile(values, np.linspace(0.0, 1.0, BINS + 1)[1:-1])
     return (np.searchsorted(edges, values)[:, None] == np.arange(BINS)).astype(float)
-
-
-def _effective(problem: Problem, fitted: Fitted) -> float:
-    return problem.correlation_factor(fitted) * float(
-        np.count_nonzero(fitted.whitened[: fitted.data_numbers]))
 
 
 def _test(products: Products, square: float, freedom: float, memory: float) -> tuple[float, float]:

@@ -114,12 +114,6 @@ def next_poses(robot: Robot, fitted: Fitted, places: Sequence[Place], seed: int)
     return tuple(sorted(found, key=lambda e: (not e.parts, -e.bits_per_minute())))
 
 
-def told_by(robot: Robot, fitted: Fitted, places: Sequence[Place], q: np.ndarray, payload_kg: float) -> float:
-    """The bits that any poses q (K, n) would tell about the causes, approached from both directions."""
-    fields, rows = _seen(robot, fitted, [_State.of(fitted, place) for place in places], q, payload_kg)
-    return _simulated(fields, rows, list(range(len(q))), 0)
-
-
 def _seen(robot: Robot, fitted: Fitted, states: list[_State], q: np.ndarray,
           payload_kg: float) -> tuple[list[Field], list[np.ndarray]]:
     """The field of each place, and in its parameters the rows (K, 6, P) of every pose."""
@@ -148,7 +142,6 @@ class _State:
     own: for every cause, which columns are its own.
     """
 
-    place: Place
     keep: np.ndarray
     effects: tuple[Effect, ...]
     probabilities: tuple[float, ...]
@@ -178,7 +171,7 @@ class _State:
             prior.append(1.0 / np.square(sizes))
             own.append(slice(at, at + cause.shape[1]))
             at += cause.shape[1]
-        return _State(place, keep, effects, probabilities, columns.T @ columns, columns.T @ base.whitened,
+        return _State(keep, effects, probabilities, columns.T @ columns, columns.T @ base.whitened,
                       np.concatenate(prior), tuple(own))
 
     def rows(self, view: View, fitted: Fitted) -> np.ndarray:

@@ -31,8 +31,6 @@ _LARGEST_STEP_RAD = 2.0 * np.pi / 1024.0
 def step_of(values: np.ndarray) -> float:
     """Step (in the unit of the values) of a quantised column (N,), 0 where it is not quantised."""
     distinct = np.unique(values[np.isfinite(values)])
-    if len(distinct) < _LEAST_VALUES:
-        return 0.0
     middle = max(len(distinct) - _ENOUGH_VALUES, 0) // 2
     steps = np.sort(np.diff(distinct[middle : middle + _ENOUGH_VALUES]))
     steps = steps[steps > _EXACT].tolist()

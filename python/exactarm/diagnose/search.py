@@ -21,7 +21,6 @@ from scipy import special
 from exactarm.diagnose.evidence import Members, Picture
 from exactarm.diagnose.vocabulary import SCALE_WEIGHTS
 
-MOST_CAUSES = 16  # in one set
 # Odds of one cause against none, and of one more beside what has been found. With 0.6 for both, of 15
 # statements between 0.5 and 0.98 on blind poses (bench/blind, 91400 to 91552) four were right, 0.78 stated;
 # of the eleven others nine stood beside a right one.
@@ -76,7 +75,7 @@ def log_prior_of_count(count: int, known: int = 0) -> float:
     return float(law + count * np.log(FURTHER) + special.gammaln(count + 1))
 
 
-def search(picture: Picture, most: int = MOST_CAUSES) -> tuple[Members, Posterior]:
+def search(picture: Picture, most: int) -> tuple[Members, Posterior]:
     """Causes that are certain, one after another, and the posterior over all that could act beside them.
 
     A cause is certain where every other one that explains the same (its weight falls by half beside it) is

@@ -155,7 +155,7 @@ def _best_addition(problem, declared, chosen, fitted, ranking):
 def _evidence(problem: Problem, fitted: Fitted, candidate: Candidate) -> float:
     """The candidate's evidence; where groups of rows are independent, not more than their scatter allows."""
     effect = candidate.effect
-    if candidate.evidence < LEAST_EVIDENCE or not problem.groups_independent or effect.excludes_rows():
+    if not problem.groups_independent or effect.excludes_rows():
         return candidate.evidence
     columns = linear_columns(fitted, effect)
     return robust_evidence(fitted, candidate, columns, problem.groups(), count_of(problem, fitted))

@@ -35,11 +35,7 @@ from exactarm.diagnose.problem_in_time import ProblemInTime
 from exactarm.diagnose.scan import free_mask, grid, prior_of
 from exactarm.diagnose.selected import Selection
 from exactarm.diagnose.signal import Structure
-from exactarm.diagnose.something_else import (
-    columns_of_unknown,
-    rivals_of_effects,
-    weigh_unknown,
-)
+from exactarm.diagnose.something_else import columns_of_unknown, rivals_of_effects, weigh_unknown
 from exactarm.diagnose.vocabulary import UNKNOWN_MASS, emptied
 from exactarm.effects.base import Effect
 from exactarm.identify.sensor_tone import summit

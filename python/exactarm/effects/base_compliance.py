@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exactarm.data.kinds import WITH_TARGET
-from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.effects.base import Change, Effect, Parameter
 from exactarm.effects.carried_moment import Bending
 
 
@@ -21,12 +20,6 @@ class BaseCompliance(Bending):
 
     name = "base_compliance"
     plain = "a base that gives way under load"
-    station = Station.GEOMETRY
-    kinds = WITH_TARGET
-    compensable = True
-    by_load = True
-    per_load = True
-    gives_way = True
     per_joint = False
     # Springs of axes 2 and 3 look like a base that tilts: it is as probable as that of one axis of six, so
     # that what every arm has is not outdone because a base has no axes to share its prior with.

@@ -12,8 +12,7 @@ a torsion spring about it does not have (Abele, Weigold and Rothenbuecher 2007; 
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from exactarm.data.kinds import WITH_TARGET
-from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.effects.base import Change, Effect, Parameter
 from exactarm.effects.carried_moment import Bending
 
 
@@ -23,12 +22,6 @@ class LinkCompliance(Bending):
 
     name = "link_compliance"
     plain = "a link or bearing that bends under load"
-    station = Station.GEOMETRY
-    kinds = WITH_TARGET
-    compensable = True
-    by_load = True
-    per_load = True
-    gives_way = True
     sentence = "bearing and link of axis {joint} bend across the axis by {rad_per_Nm:.3g} rad per Nm"
     source = "Abele, Weigold and Rothenbuecher 2007; Klimchik et al. 2013"
 
