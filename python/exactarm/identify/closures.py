@@ -150,8 +150,8 @@ def declare_closures(robot: Robot, data: Dataset, compliance: tuple[int, ...] | 
         if other[-1].log_likelihood - one[-1].log_likelihood > _MOUNTED_ANEW * price:
             one = other
     whole, layout, pulls, found, fit = one
-    return DeclaredClosures(layout, pulls, found, nominal, with_held_in_doubt(fit, whole, data, pulls),
-                            fit.fit)
+    return DeclaredClosures(layout, pulls, found, nominal,
+                            with_held_in_doubt(fit, whole, data, pulls, threads), fit.fit)
 
 
 def nominal_closures(robot: Robot, data: Dataset, carried: Layout, seed: int = 0, threads: int = 1,
