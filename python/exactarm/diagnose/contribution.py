@@ -275,11 +275,8 @@ def _at_station(fitted: Fitted, index: int, effect: Effect) -> tuple[np.ndarray,
         return None
     scale = 1.0 / fitted.robot.ratios[change.columns[0]] if effect.station == Station.MOTOR else 1.0
     free = change.by_parameters[:, 0, fitted.layout.free[index]]
-    return change.value[:, 0] * scale, free * scale, _unit_of_axis(fitted.robot, change.columns[0], unit)
-
-
-def _unit_of_axis(robot: Robot, axis: int, unit: str) -> str:
-    return of_a_slide(unit) if slides(robot, axis + 1) else unit
+    unit = of_a_slide(unit) if slides(fitted.robot, change.columns[0] + 1) else unit
+    return change.value[:, 0] * scale, free * scale, unit
 
 
 def _at_measurement(fitted: Fitted, moved: np.ndarray, columns: np.ndarray, direction: np.ndarray, unit: str,

@@ -178,7 +178,8 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     noise = noise_floor(problem, last)
     left = dossier(problem, last)
     had = left if first is last else dossier(problem, first)
-    gone = _gone(errors)
+    # of the validation: left out by the last model, and not by the first
+    gone = np.flatnonzero(np.isfinite(errors[0]["validation"]) & np.isnan(errors[-1]["validation"]))
     between = rows_undecided(last.layout, problem.data, problem.held_out)[gone]
     before, after, tried = ({name: summarise(values[np.isfinite(values)]) for name, values in each.items()}
                             for each in (_without(errors[0], gone[between]), errors[-1], asked.errors[-1]))
@@ -319,11 +320,6 @@ def _search(problem: Problem, declared: Layout, progress: Progress) -> tuple[Sel
     if causes is not None:
         fits[-1] = known_beside(problem, fits[-1], causes.noise, rows)
     return replace(found, fits=tuple(fits)), causes
-
-
-def _gone(errors: list[dict[str, np.ndarray]]) -> np.ndarray:
-    """Validation rows that the last model leaves out and the first did not."""
-    return np.flatnonzero(np.isfinite(errors[0]["validation"]) & np.isnan(errors[-1]["validation"]))
 
 
 def _without(errors: dict[str, np.ndarray], rows: np.ndarray) -> dict[str, np.ndarray]:

@@ -366,7 +366,8 @@ def _confirmed(problem, declared, chosen, fitted, found: Found, places: list[Pla
     while places:
         effects = [*chosen, *(place.effect for place in places)]
         trial = refit(problem, declared, effects, fitted, found.noise)
-        before, after = (_weighted_square(found.noise, at.residual) for at in (fitted, trial))
+        before, after = (float(np.sum(found.noise.whiten(at.residual[:, :, None]) ** 2))
+                         for at in (fitted, trial))
         left = lambda kept: found.picture.quadratic(_only(found, kept))[1]
         promised = left([]) - left(places)
         idle = [k - len(chosen) for k in idle_places(trial, declared) if k >= len(chosen)]
@@ -387,7 +388,3 @@ def _only(found: Found, places: list[Place]) -> Members:
             wanted.remove(one)
             kept.append((i, s))
     return Members(tuple(i for i, _ in kept), tuple(s for _, s in kept))
-
-
-def _weighted_square(noise: NoiseModel, residual: np.ndarray) -> float:
-    return float(np.sum(noise.whiten(residual[:, :, None]) ** 2))

@@ -28,9 +28,7 @@ class BaseCompliance(Bending):
         "the foundation tilts, or axis 1 bends across itself (the two look alike), by {rad_per_Nm:.3g} rad "
         "for every Nm of overturning moment")
     source = "Abele, Weigold and Rothenbuecher 2007"
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("rad_per_Nm", 1e-6, 0.0),)
+    parameter_table = (Parameter("rad_per_Nm", 1e-6, 0.0),)
 
     def change(self, view) -> Change:
         """Joint 1 stands on the base: its axis is the base's z, its origin the base's."""

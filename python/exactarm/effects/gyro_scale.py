@@ -19,9 +19,7 @@ class GyroScale(Effect):
     per_joint = False
     sentence = "the gyroscope reads 1 + {scale:.3g} times the rate"
     source = "IEEE Std 1431: scale factor error"
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("scale", 5e-3, -0.2, 0.2),)
+    parameter_table = (Parameter("scale", 5e-3, -0.2, 0.2),)
 
     def change(self, view) -> Change:
         reading = view.measured

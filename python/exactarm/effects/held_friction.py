@@ -23,6 +23,7 @@ class HeldFriction(DriveEffect):
     declared: ClassVar[bool] = True
     station: ClassVar[Station] = Station.DEVICE
     sentence: ClassVar[str] = "dry friction of axis {joint}, which stands still, holds {held_Nm:.3g} Nm"
+    parameter_table = (Parameter("held_Nm", 10.0),)
 
     @staticmethod
     def of(robot, index: int) -> HeldFriction:
@@ -30,9 +31,6 @@ class HeldFriction(DriveEffect):
 
     def from_tables(self, robot) -> HeldFriction:
         return self
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("held_Nm", 10.0),)
 
     def parameter_label(self, parameter: Parameter) -> str:
         return f"held_{self.joint}_Nm"

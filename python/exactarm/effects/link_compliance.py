@@ -24,9 +24,7 @@ class LinkCompliance(Bending):
     plain = "a link or bearing that bends under load"
     sentence = "bearing and link of axis {joint} bend across the axis by {rad_per_Nm:.3g} rad per Nm"
     source = "Abele, Weigold and Rothenbuecher 2007; Klimchik et al. 2013"
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("rad_per_Nm", 2e-6, 0.0),)
+    parameter_table = (Parameter("rad_per_Nm", 2e-6, 0.0),)
 
     def change(self, view) -> Change:
         return self.bent(view, self.index)

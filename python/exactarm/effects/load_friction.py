@@ -19,9 +19,7 @@ class LoadFriction(DriveEffect):
     plain = "friction that grows with the load"
     sentence = "friction of axis {joint} grows by {coefficient:.3g} Nm for every Nm that the gear carries"
     source = "Hamon, Gautier and Garrec 2010"
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("coefficient", 0.1, 0.0, 5.0),)
+    parameter_table = (Parameter("coefficient", 0.1, 0.0, 5.0),)
 
     def change(self, view) -> Change:
         torque = view.torque[:, self.index]

@@ -22,9 +22,7 @@ class ShearThinningFriction(DriveEffect):
     sentence = ("friction of axis {joint} bends over with the rate as grease does: "
                 "{coefficient_Nm_sqrt_s:.3g} Nm times the square root of the rate in rad/s")
     source = "Reiner 1926; Simoni, Beschi, Legnani and Visioli 2015"
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("coefficient_Nm_sqrt_s", 10.0, lower=0.0),)
+    parameter_table = (Parameter("coefficient_Nm_sqrt_s", 10.0, lower=0.0),)
 
     def change(self, view) -> Change:
         rate = self.rate(view)

@@ -17,9 +17,7 @@ class ViscousFriction(DriveEffect):
     plain = "viscous friction that is not declared"
     sentence = "axis {joint} has {coefficient_Nm_s:.3g} Nm s of viscous friction that is not declared"
     source = "Armstrong-Helouvry, Dupont and Canudas de Wit 1994; thesis (2.22)"
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("coefficient_Nm_s", 10.0, lower=0.0),)
+    parameter_table = (Parameter("coefficient_Nm_s", 10.0, lower=0.0),)
 
     def change(self, view) -> Change:
         rate = self.rate(view)

@@ -194,10 +194,6 @@ def _tone(data: Dataset, rests: list[np.ndarray], frequency: float) -> Tone:
     squares, count = np.zeros(data.gyro.shape[1]), 0
     for rows in rests:
         waves = np.stack([part(2.0 * np.pi * frequency * data.time[rows]) for part in (np.cos, np.sin)], 1)
-        found = lstsq(waves, _level(data.gyro[rows]), rcond=None)[0]
+        found = lstsq(waves, data.gyro[rows] - data.gyro[rows].mean(axis=0), rcond=None)[0]
         squares, count = squares + rows.size * np.sum(found**2, axis=0), count + rows.size
     return Tone(frequency, np.sqrt(squares / count))
-
-
-def _level(values: np.ndarray) -> np.ndarray:
-    return values - values.mean(axis=0)
