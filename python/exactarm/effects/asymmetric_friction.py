@@ -12,8 +12,6 @@ from exactarm.effects.drive import DriveEffect, smooth_square
 
 @dataclass(frozen=True)
 class AsymmetricFriction(DriveEffect):
-    """Half the difference of the friction of the two directions of one axis."""
-
     name = "asymmetric_friction"
     plain = "friction that depends on the direction"
     sentence = ("friction of axis {joint} is larger in the positive direction than in the negative one by "

@@ -16,8 +16,6 @@ from exactarm.effects.carried_moment import Bending
 
 @dataclass(frozen=True)
 class BaseCompliance(Bending):
-    """Tilt of the foundation, the same about both horizontal axes."""
-
     name = "base_compliance"
     plain = "a base that gives way under load"
     per_joint = False

@@ -9,8 +9,6 @@ from exactarm.effects.drive import DriveEffect
 
 @dataclass(frozen=True)
 class CoulombFriction(DriveEffect):
-    """Dry friction of one axis, beside what its tables declare."""
-
     name = "coulomb_friction"
     unless_declared = "coulomb"
     plain = "dry friction that is not declared"

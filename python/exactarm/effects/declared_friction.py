@@ -16,8 +16,6 @@ from exactarm.effects.drive import DriveEffect
 
 @dataclass(frozen=True)
 class DeclaredFriction(DriveEffect):
-    """Friction of one axis, in the robot's tables."""
-
     name = "declared_friction"
     declared = True
     reverses = True

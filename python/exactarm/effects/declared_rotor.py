@@ -15,8 +15,6 @@ from exactarm.effects.drive import DriveEffect
 
 @dataclass(frozen=True)
 class DeclaredRotor(DriveEffect):
-    """Rotor inertia of one motor, in the robot's tables."""
-
     name = "declared_rotor"
     declared = True
     inertia_of = "rotor"

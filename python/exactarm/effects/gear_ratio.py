@@ -14,8 +14,6 @@ from exactarm.effects.base import Change, Effect, Parameter, Station
 
 @dataclass(frozen=True)
 class GearRatio(Effect):
-    """Relative scale of one axis' output angle."""
-
     name = "gear_ratio"
     plain = "a wrong gear ratio"
     station = Station.GEAR

@@ -15,8 +15,6 @@ _LIKELY_RAD_S = 0.01
 
 @dataclass(frozen=True)
 class GyroBias(Effect):
-    """Bias of the three axes."""
-
     name = "gyro_bias"
     station = Station.DEVICE
     kinds = (GEAR_RUN.name,)

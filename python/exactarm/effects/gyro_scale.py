@@ -11,8 +11,6 @@ from exactarm.effects.base import Change, Effect, Parameter, Station
 
 @dataclass(frozen=True)
 class GyroScale(Effect):
-    """One relative scale error."""
-
     name = "gyro_scale"
     station = Station.DEVICE
     kinds = (GEAR_RUN.name,)

@@ -17,8 +17,6 @@ from exactarm.effects.drive import DriveEffect
 
 @dataclass(frozen=True)
 class HeldFriction(DriveEffect):
-    """A constant beside the reported torque of one axis."""
-
     name: ClassVar[str] = "held_friction"
     declared: ClassVar[bool] = True
     station: ClassVar[Station] = Station.DEVICE

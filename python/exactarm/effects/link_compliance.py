@@ -18,8 +18,6 @@ from exactarm.effects.carried_moment import Bending
 
 @dataclass(frozen=True)
 class LinkCompliance(Bending):
-    """Bending of bearing and link at one joint, the same in both directions across the axis."""
-
     name = "link_compliance"
     plain = "a link or bearing that bends under load"
     sentence = "bearing and link of axis {joint} bend across the axis by {rad_per_Nm:.3g} rad per Nm"

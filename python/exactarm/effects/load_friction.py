@@ -13,8 +13,6 @@ from exactarm.effects.drive import DriveEffect
 
 @dataclass(frozen=True)
 class LoadFriction(DriveEffect):
-    """Share of the transmitted torque that one gear loses to friction."""
-
     name = "load_friction"
     plain = "friction that grows with the load"
     sentence = "friction of axis {joint} grows by {coefficient:.3g} Nm for every Nm that the gear carries"

@@ -22,8 +22,6 @@ from exactarm.effects.base import Change, Effect, Parameter, Station
 
 @dataclass(frozen=True)
 class MotorLinkCoupling(Effect):
-    """Inertial coupling between rotors and links, which a simplified model leaves out."""
-
     name = "motor_link_coupling"
     station = Station.DRIVE
     kinds = (MOTION.name,)

@@ -14,8 +14,6 @@ from exactarm.effects.drive import DriveEffect
 
 @dataclass(frozen=True)
 class RotorInertia(DriveEffect):
-    """Inertia of one motor that the tables lack."""
-
     name = "rotor_inertia"
     plain = "a rotor inertia that is not declared"
     sentence = "the motor of axis {joint} has {inertia_kg_m2:.3g} kg m2 more inertia than declared"

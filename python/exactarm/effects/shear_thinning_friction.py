@@ -14,8 +14,6 @@ from exactarm.view import SIGN_WIDTH_RAD_S
 
 @dataclass(frozen=True)
 class ShearThinningFriction(DriveEffect):
-    """The square-root part of the friction curve of one axis."""
-
     name = "shear_thinning_friction"
     plain = "friction of a lubricant that thins with speed"
     in_axis_units = False  # of a root of a rate

@@ -13,8 +13,6 @@ from exactarm.effects.drive import DriveEffect
 
 @dataclass(frozen=True)
 class StribeckFriction(DriveEffect):
-    """Breakaway torque of one axis above its Coulomb friction."""
-
     name = "stribeck_friction"
     plain = "friction that falls at low speed"
     sentence = ("axis {joint} has {breakaway_Nm:.3g} Nm more friction near standstill, gone above "

@@ -14,8 +14,6 @@ from exactarm.effects.drive import DriveEffect
 
 @dataclass(frozen=True)
 class TorqueConstant(DriveEffect):
-    """Relative error of the reported torque of one axis."""
-
     name = "torque_constant"
     plain = "a wrong torque constant"
     station = Station.DEVICE

@@ -10,8 +10,6 @@ from exactarm.effects.drive import DriveEffect
 
 @dataclass(frozen=True)
 class ViscousFriction(DriveEffect):
-    """Friction of one axis in proportion to its rate, beside what its tables declare."""
-
     name = "viscous_friction"
     unless_declared = "viscous"
     plain = "viscous friction that is not declared"
