@@ -11,7 +11,7 @@ from exactarm.diagnose import posterior
 from exactarm.diagnose.evidence import Members, Picture
 from exactarm.diagnose.search import FIRST, FURTHER, _richer, log_prior_of_count, search, weight_of
 from exactarm.diagnose.self_test import _Parts
-from exactarm.diagnose.signal import ANGLE, Signal, turn_of
+from exactarm.diagnose.signal import Quantity, Signal, turn_of
 from exactarm.diagnose.unknown import Unknown, basis_of, sizes_of
 from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES, Block, Vocabulary
 from exactarm.effects.gear_eccentricity import GearEccentricity
@@ -213,7 +213,7 @@ def gear_curve_picture(seed):
     waves = np.stack([f(k * phi) / k for k in range(1, 13) for f in (np.sin, np.cos)], axis=1)[:, None, :]
     curve = GearHarmonics.curve(1, 12, 1e-4, (-2.5, 2.5))
     run_out, fifth = GearEccentricity(1, (0.0,) * 4), GearHarmonics(1, (5.0, 0.0, 0.0))
-    own = Unknown(turn_of(1), (Signal(ANGLE, 1),))
+    own = Unknown(turn_of(1), (Signal(Quantity.ANGLE, 1),))
     responses = np.concatenate([waves, waves[:, :, :4], waves[:, :, 8:10], basis_of(phi)[:, None, :]], axis=2)
     sizes, at, blocks = [np.full(24, 1.0), np.full(4, 1.0), np.full(2, 1.0), sizes_of(1.0)], 0, []
     for effect, unknown, size in zip((curve, run_out, fifth, None), (None, None, None, own), sizes):

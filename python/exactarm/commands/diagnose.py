@@ -41,7 +41,7 @@ from exactarm.diagnose.draft import Draft
 from exactarm.diagnose.not_noise import probability_of as probability_not_noise
 from exactarm.diagnose.posterior import Causes
 from exactarm.diagnose.selected import UNKNOWN, Accepted
-from exactarm.diagnose.signal import LOAD
+from exactarm.diagnose.signal import Quantity
 from exactarm.diagnose.verdict import UNEXPLAINED, remains, stood_and_refuted
 from exactarm.errors import InputError
 from exactarm.identify.session_payloads import session_payloads
@@ -134,7 +134,8 @@ def run(arguments: argparse.Namespace) -> CommandResult:
 def _mounted_otherwise(result: Diagnosis) -> str | None:
     """In words: what no spring explains follows a load of declared masses, as under another gravity. Torques
     are of that load themselves: what follows it there is a drive's gain as well."""
-    follow = any(signal.quantity == LOAD for structure in result.unknown for signal in structure.signals)
+    follow = any(signal.quantity == Quantity.LOAD
+                 for structure in result.unknown for signal in structure.signals)
     torques = result.kind == MOTION.name
     if not follow or torques or result.problem.robot.links is None or result.problem.robot.generic_masses:
         return None

@@ -30,17 +30,7 @@ from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.held_out_evidence import AGAINST, held_out_gains
 from exactarm.diagnose.joint_fit import refit
 from exactarm.diagnose.problem import Problem
-from exactarm.diagnose.signal import (
-    ANGLE,
-    APPROACH,
-    DIRECTION,
-    LOAD,
-    POSITION,
-    TIME,
-    TRAVEL,
-    Signal,
-    Structure,
-)
+from exactarm.diagnose.signal import Quantity, Signal, Structure
 from exactarm.diagnose.standing import errors_of
 from exactarm.diagnose.unknown_axes import UnknownAxes, unknown_axes
 from exactarm.diagnose.vocabulary import vocabulary_of
@@ -54,8 +44,8 @@ from exactarm.robot.robot import Robot
 MOST_DRAFTS = 3
 _MOST_TERMS, _MOST_SIGNALS = 3, 3
 _SERIES_COSTS = 5.0  # nats: a short formula up to 150 times less likely is still the one to read and to check
-_IN_FORMULAS = {ANGLE: "q", TRAVEL: "q", LOAD: "torque", APPROACH: "approach",
-                DIRECTION: "approach"}
+_IN_FORMULAS = {Quantity.ANGLE: "q", Quantity.TRAVEL: "q", Quantity.LOAD: "torque",
+                Quantity.APPROACH: "approach", Quantity.DIRECTION: "approach"}
 _PARAMETER = re.compile(r"[abcw]\d*(_\d+)?$")  # what a formula of the dictionary calls its parameters
 _GAPS_TOLD = 3  # of each signal; the file has all
 
@@ -250,9 +240,9 @@ def _in_formulas(signal: Signal) -> str | None:
     name = signal.quantity
     if signal.axis is not None:
         return f"{_IN_FORMULAS[name]}_{signal.axis}" if name in _IN_FORMULAS else None
-    if name == TIME:
+    if name == Quantity.TIME:
         return "time_h"
-    return name if name.isidentifier() and not _PARAMETER.match(name) and name != POSITION else None
+    return name if name.isidentifier() and not _PARAMETER.match(name) and name != Quantity.POSITION else None
 
 
 def _title(effect: Expression, robot: Robot) -> str:

@@ -30,19 +30,7 @@ from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.problem_in_time import ProblemInTime
 from exactarm.diagnose.resampled_run import resampled_run, with_reading
 from exactarm.diagnose.scan import free_mask
-from exactarm.diagnose.signal import (
-    ANGLE,
-    DIRECTION,
-    LOAD,
-    MOTOR_ANGLE,
-    TRAVEL,
-    Direction,
-    Signal,
-    Structure,
-    axis_of,
-    measured_of,
-    turn_of,
-)
+from exactarm.diagnose.signal import Direction, Quantity, Signal, Structure, axis_of, measured_of, turn_of
 from exactarm.diagnose.time_groups import time_groups
 from exactarm.diagnose.unknown import Pattern, Wave
 from exactarm.diagnose.wave_in_time import WaveInTime
@@ -86,7 +74,8 @@ class GearProblem(ProblemInTime):
     unit, error_along = "rad/s", " along the moving axis"
     most_waves_in_time = 3
     unknown_rivals = drafts = True
-    followed_by_effects = frozenset({ANGLE, TRAVEL, LOAD, DIRECTION, MOTOR_ANGLE})
+    followed_by_effects = frozenset({Quantity.ANGLE, Quantity.TRAVEL, Quantity.LOAD, Quantity.DIRECTION,
+                                     Quantity.MOTOR_ANGLE})
     repeat_source = "spectrum of the residual without its lines"
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):

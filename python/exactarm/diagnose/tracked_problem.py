@@ -19,16 +19,7 @@ from exactarm.diagnose.fitted import Fitted, rows_kept
 from exactarm.diagnose.next_motions import separating_motion
 from exactarm.diagnose.not_noise import WANDERS_AT
 from exactarm.diagnose.problem_in_time import ProblemInTime
-from exactarm.diagnose.signal import (
-    PLACE,
-    POSITION,
-    TWO_ANGLES,
-    Direction,
-    Signal,
-    Structure,
-    axis_of,
-    turn_of,
-)
+from exactarm.diagnose.signal import Direction, Quantity, Signal, Structure, axis_of, turn_of
 from exactarm.diagnose.smoothness import second_order
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.calibrate import calibrated_robot, identifiable_layout, require_sessions
@@ -188,13 +179,14 @@ class TrackedProblem(ProblemInTime):
         rate = view.signals["theta_dot"] / self.robot.controller_ratios
         moving = np.flatnonzero(view.moving)
         own = self._signals(view, self.record.data, moving, rate, view.direction)
-        place = {Signal(POSITION, part=axis): view.signals["target"][:, k] for k, axis in enumerate("xyz")}
+        place = {Signal(Quantity.POSITION, part=axis): view.signals["target"][:, k]
+                 for k, axis in enumerate("xyz")}
         return own | {name: values for name, values in place.items() if np.ptp(values) > 0.0}
 
     def space(self, fitted: Fitted) -> tuple[Signal, np.ndarray]:
         """Where the target is, in spreads of the path."""
         target = fitted.view.signals["target"]
-        return Signal(PLACE), target / np.sqrt(np.mean(np.var(target, axis=0)))
+        return Signal(Quantity.PLACE), target / np.sqrt(np.mean(np.var(target, axis=0)))
 
     def independent_rows(self, fitted: Fitted) -> np.ndarray:
         """Numbers of rows in use, further apart than noise that a filter makes remembers."""
@@ -208,7 +200,7 @@ class TrackedProblem(ProblemInTime):
         return (run[:, None] != run) | (np.abs(time[:, None] - time) > _WANDERS_S)
 
     def surfaces(self, fitted: Fitted) -> dict[Signal, np.ndarray]:
-        return {Signal(TWO_ANGLES): second_order(fitted.view.q[:, fitted.view.moving])}
+        return {Signal(Quantity.TWO_ANGLES): second_order(fitted.view.q[:, fitted.view.moving])}
 
     def directions(self, fitted: Fitted) -> dict[Direction, np.ndarray]:
         view = fitted.view
