@@ -32,6 +32,7 @@ from exactarm import _core
 from exactarm.chain import Layout
 from exactarm.chain.spring import declared_deflection
 from exactarm.data.kinds import kind_of
+from exactarm.diagnose.decisions import LEVELS
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.signal import Direction, Quantity, Signal, place_of_axis
@@ -327,7 +328,7 @@ def _follows(signal: np.ndarray, value: np.ndarray) -> float:
     if variance == 0.0 or np.ptp(signal) == 0.0:
         return 0.0
     distinct, group = np.unique(signal, return_inverse=True)
-    if len(distinct) <= 8:
+    if len(distinct) <= LEVELS:
         mean = np.bincount(group, value) / np.bincount(group)
         return float(np.var(mean[group])) / variance
     # rows of one value in any order: in that of time their neighbours would agree in whatever is smooth

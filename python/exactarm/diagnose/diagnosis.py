@@ -16,7 +16,7 @@ from exactarm.data.split import DEFAULT_SEED
 from exactarm.diagnose.alternatives import Alternative, alternatives_of, preferred_elsewhere
 from exactarm.diagnose.confusion import next_experiments
 from exactarm.diagnose.contribution import Contribution, contributions
-from exactarm.diagnose.decisions import NAMED_AT
+from exactarm.diagnose.decisions import CLEAR, NAMED_AT
 from exactarm.diagnose.dossier import Dossier, dossier
 from exactarm.diagnose.draft import Draft, drafts_of
 from exactarm.diagnose.fitted import Fitted, rows_undecided
@@ -60,8 +60,6 @@ from exactarm.robot.robot import Robot
 DECLARED, SEARCHING, ALL_ROWS = "the declared model", "searching for causes", "fitting all rows"
 LEFT, NEXT, DRAFTING = "what is left", "the next experiment", "drafting what is left"
 STEPS = (DECLARED, SEARCHING, ALL_ROWS, LEFT, NEXT, DRAFTING)
-
-_SPREADS = 4.0  # a chance of few parameters: times the expected spread
 
 
 @dataclass(frozen=True)
@@ -191,7 +189,7 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     progress(NEXT)
     words, experiments = next_experiments(problem, last, findings, alternatives, selection.open_place)
     spread = problem.spread(last)
-    chance = _SPREADS * spread
+    chance = CLEAR * spread
     excess = held_out_excess(errors[-1], problem.error_of_unit_noise(last), chance)
     if causes is None:
         verdict = verdict_by_rules(problem, before, after, noise, left, bool(findings), spread, excess,

@@ -27,7 +27,7 @@ from exactarm.diagnose.coloured_noise import NOISE_LAG_S
 from exactarm.diagnose.fitted import Fitted, rows_judged
 from exactarm.diagnose.next_runs import separating_run
 from exactarm.diagnose.problem import Problem
-from exactarm.diagnose.problem_in_time import ProblemInTime
+from exactarm.diagnose.problem_in_time import LEAST_SIGMA, ProblemInTime
 from exactarm.diagnose.resampled_run import resampled_run, with_reading
 from exactarm.diagnose.scan import free_mask
 from exactarm.diagnose.signal import Direction, Quantity, Signal, Structure, axis_of, measured_of, turn_of
@@ -49,7 +49,6 @@ from exactarm.robot.robot import Robot
 from exactarm.station import Station
 from exactarm.view import axes_not_logged
 
-_LEAST_SIGMA = 1e-12
 _RUNS_OF_A_SORT = 4
 # of a run where noise drifts: a slow error, or a resonance that is passed, goes on over shorter ones
 _LONG_PIECES = 5
@@ -156,7 +155,7 @@ class GearProblem(ProblemInTime):
         white = residual if drift is None else drift.white(residual)
         return GearFitted(robot=self.robot, layout=found.layout, fit=found.fit, residual=residual,
                           jacobian=prediction.jacobian,
-                          sigma=np.maximum(np.sqrt(np.mean(white[keep] ** 2, axis=0)), _LEAST_SIGMA),
+                          sigma=np.maximum(np.sqrt(np.mean(white[keep] ** 2, axis=0)), LEAST_SIGMA),
                           weight=keep.astype(float), view=prediction.view, drift=drift)
 
     def settled(self, fitted: Fitted) -> Fitted:

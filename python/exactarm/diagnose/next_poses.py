@@ -21,7 +21,7 @@ from exactarm.data.kinds import POSES
 from exactarm.design.pose_space import Box, PoseSpace
 from exactarm.diagnose.cause_information import Field, Hypothesis, chosen_for
 from exactarm.diagnose.confusion import Place
-from exactarm.diagnose.decisions import WIDE
+from exactarm.diagnose.decisions import CREDIBLE, DOUBT, WIDE
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.scan import free_mask, linear_columns
 from exactarm.effects.base import Effect
@@ -34,8 +34,6 @@ MINUTES = MappingProxyType({"visit": 0.25, "payload": 5.0})
 _LISTED = 4  # poses in a sentence
 _CANDIDATES = 200
 _MOST_POSES = 24
-_ENOUGH = 0.95  # of what is open
-_LEAST = 0.01  # of what is open, for one more pose: thirty seconds that tell less are better spent otherwise
 _LITTLE = 0.3  # of what is open: below it an experiment does not part the causes
 _RIDGE = 1e-9  # of a column's square sum
 
@@ -103,11 +101,12 @@ def next_poses(robot: Robot, fitted: Fitted, places: Sequence[Place], seed: int)
     found = []
     for payload in (0.0, PAYLOAD_KG) if robot.links is not None else (0.0,):
         fields, rows = _seen(robot, fitted, states, q, payload)
-        chosen, _ = chosen_for(fields, rows, _MOST_POSES, _ENOUGH, _LEAST)
+        # thirty seconds at one more pose that tell less than DOUBT of what is open are better spent otherwise
+        chosen, _ = chosen_for(fields, rows, _MOST_POSES, CREDIBLE, DOUBT)
         unknown = sum(f.entropy for f in fields)
         for count in range(1, len(chosen) + 1):
             bits = _simulated(fields, rows, chosen[:count], seed)
-            if bits >= _ENOUGH * unknown:
+            if bits >= CREDIBLE * unknown:
                 break
         found.append(Experiment(q[chosen[:count]], payload, bits, unknown,
                                 "; ".join(place.titles for place in places)))

@@ -18,14 +18,14 @@ from scipy import special
 
 from exactarm.chain import Layout
 from exactarm.diagnose.cross_validation import folds_of
-from exactarm.diagnose.decisions import CONFIRMED, CREDIBLE, DOUBT, NAMED_AT
+from exactarm.diagnose.decisions import CERTAIN, CONFIRMED, CREDIBLE, DOUBT, NAMED_AT
 from exactarm.diagnose.evidence import Members, Picture
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.idle_causes import idle_places, least_told
 from exactarm.diagnose.joint_fit import candidates_for, refit
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import Candidate
-from exactarm.diagnose.search import CERTAIN, Posterior, log_prior_of_count, weight_of
+from exactarm.diagnose.search import Posterior, log_prior_of_count, weight_of
 from exactarm.diagnose.search_round import MOST_AT_ONCE, At, Found, score_of, search_round
 from exactarm.diagnose.selected import UNKNOWN, Accepted, Selection
 from exactarm.diagnose.self_test import SelfTest, self_test

@@ -28,6 +28,8 @@ from exactarm.view import View
 
 _SPREAD_ROWS = 300  # a mean over them: more tell the same
 
+LEAST_SIGMA = 1e-12  # of a component: of exact data nothing is left
+
 
 class ProblemInTime(Problem):
     """record: of the identification rows, as they are fitted."""

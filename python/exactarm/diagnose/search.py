@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import special
 
+from exactarm.diagnose.decisions import CERTAIN
 from exactarm.diagnose.evidence import Members, Picture
 from exactarm.diagnose.vocabulary import SCALE_WEIGHTS
 
@@ -25,12 +26,10 @@ from exactarm.diagnose.vocabulary import SCALE_WEIGHTS
 # statements between 0.5 and 0.98 on blind poses (bench/blind, 91400 to 91552) four were right, 0.78 stated;
 # of the eleven others nine stood beside a right one.
 FIRST, FURTHER = 0.6, 0.2
-CERTAIN = 20.0  # nats: 1 in 5e8
 _KEPT_NATS = 9.0  # below the best set: 1 in 8,000
 # sets looked around, and sets scored with every further cause: more changed no marks
 _EXPANSIONS, _SCORED = 24, 60
 _CHILDREN = 6
-_RECORDED_NATS = 20.0  # lighter sets count for nothing in any probability that is printed
 
 
 @dataclass
@@ -231,7 +230,7 @@ class _Search:
         self.looked_at[members] = (own, children, base)
         count, known = len(own), self.picture.known
         base = base + log_prior_of_count(count + 1, known) - log_prior_of_count(count, known)
-        least = self.posterior.weights[self.posterior.best] - _RECORDED_NATS
+        least = self.posterior.weights[self.posterior.best] - CERTAIN  # lighter ones count for nothing
         for rank, (value, label, index, scale) in enumerate(children):
             if base + value < least and rank >= _CHILDREN:
                 break

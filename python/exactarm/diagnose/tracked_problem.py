@@ -18,7 +18,7 @@ from exactarm.diagnose.coloured_noise import ColouredNoise
 from exactarm.diagnose.fitted import Fitted, rows_kept
 from exactarm.diagnose.next_motions import separating_motion
 from exactarm.diagnose.not_noise import WANDERS_AT
-from exactarm.diagnose.problem_in_time import ProblemInTime
+from exactarm.diagnose.problem_in_time import LEAST_SIGMA, ProblemInTime
 from exactarm.diagnose.signal import Direction, Quantity, Signal, Structure, axis_of, turn_of
 from exactarm.diagnose.smoothness import second_order
 from exactarm.effects.base import Effect, Station
@@ -41,7 +41,6 @@ from exactarm.robot.robot import Robot
 # a path is played again: its motor angles, over their ratios, differ by less at every sample
 _SAME_PATH_RAD = 1e-3
 _LEAST_REPEATED = 100  # samples
-_LEAST_SIGMA = 1e-12
 _LEAST_SEEN = 1e-7  # m: a tracker resolves no less; below, it is the arithmetic of exact data
 # s: memory of a filtered reading, and of what moves with the arm as it goes by
 _REMEMBERED_S, _WANDERS_S = 0.25, 2.0
@@ -148,7 +147,7 @@ class TrackedProblem(ProblemInTime):
         view.signals["residual"] = residual
         fitted = TrackedFitted(
             robot=self.robot, layout=found.layout, fit=found.fit, residual=residual,
-            jacobian=prediction.jacobian[:, :3], sigma=np.full(3, max(found.sigma, _LEAST_SIGMA)),
+            jacobian=prediction.jacobian[:, :3], sigma=np.full(3, max(found.sigma, LEAST_SIGMA)),
             weight=clear.astype(float), view=view, drawing=self._drawing)
         return self._counted(fitted, self._noise, self.record.step)
 
