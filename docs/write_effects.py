@@ -34,7 +34,8 @@ def variants(cls: type[Effect]) -> list[Effect]:
     """The forms in which an effect comes: its subclasses without a name of their own, its switches, its
     numbers of values."""
     forms = [sub for sub in cls.__subclasses__() if not vars(sub).get("name")]
-    forms = [cls, *forms] if "parameters" in vars(cls) and "change" in vars(cls) or not forms else forms
+    own = {"parameters", "parameter_table"} & vars(cls).keys() and "change" in vars(cls)
+    forms = [cls, *forms] if own or not forms else forms
     found = []
     for form in forms:
         switches = {field.name: (False, True) if isinstance(field.default, bool) else type(field.default)

@@ -12,7 +12,6 @@ from exactarm.data.dataset import read_dataset
 from exactarm.errors import InputError
 from exactarm.files.examples import data_path
 from exactarm.identify.calibration_doubts import FAR_FROM_DRAWING, contradicting, far_from_drawing
-from exactarm.identify.reach import reach
 from exactarm.robot_file import load_robot
 from test_closures import touched
 
@@ -82,7 +81,7 @@ def test_a_length_with_two_digits_exchanged_is_told(ur10):
 def test_how_far_a_length_may_be_off(ur10, share, count):
     robot = ur10[0]
     joints = list(robot.joints)
-    joints[1] = replace(joints[1], a=joints[1].a + share * FAR_FROM_DRAWING * reach(robot))
+    joints[1] = replace(joints[1], a=joints[1].a + share * FAR_FROM_DRAWING * robot.reach)
     assert len(list(far_from_drawing(robot, replace(robot, joints=tuple(joints))))) == count
 
 

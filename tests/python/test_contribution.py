@@ -29,7 +29,7 @@ from exactarm.diagnose.contribution import (
     _waves,
 )
 from exactarm.diagnose.diagnosis import Diagnosis, diagnose
-from exactarm.diagnose.signal import ANGLE, LOAD, ORDER, SPEED, TIME, Signal, axis_of, measured_of, turn_of
+from exactarm.diagnose.signal import Quantity, Signal, axis_of, measured_of, turn_of
 from exactarm.effects.base import Station
 from exactarm.effects.expression import Expression
 from exactarm.effects.gear_harmonics import GearHarmonics
@@ -64,7 +64,7 @@ def test_an_angle_error_has_its_peak_to_peak_with_an_interval_that_holds_the_tru
     # over the angles that were measured
     phi = np.linspace(own.x.min(), own.x.max(), 2000) - ea.load_robot("racer-7-1.4").joints[2].q_offset
     truth = np.ptp(6e-4 * np.cos(phi) + 3e-4 * np.sin(phi))
-    assert own.signal == Signal(ANGLE, 3) and own.curve and abs(value - truth) < 1.5 * half + 5e-5
+    assert own.signal == Signal(Quantity.ANGLE, 3) and own.curve and abs(value - truth) < 1.5 * half + 5e-5
     assert np.all(own.half > 0.0) and own.at_tool > 2e-5
 
 
@@ -130,26 +130,29 @@ def test_what_is_smooth_in_time_follows_no_direction():
 
 
 def test_a_drift_is_drawn_over_what_drives_it():
-    signals = dict.fromkeys((Signal(ANGLE, 1), Signal(TIME), Signal("temperature")), np.arange(3.0))
+    names = (Signal(Quantity.ANGLE, 1), Signal(Quantity.TIME), Signal("temperature"))
+    signals = dict.fromkeys(names, np.arange(3.0))
     for driver in ("time", "temperature"):
         found = _own_signals(SimpleNamespace(joint=None, driven_by=None, driver=driver), signals, None)
         assert list(found) == [Signal(driver)]
     assert _own_signals(SimpleNamespace(joint=None, driven_by=None), signals, None) is signals
     rows = SimpleNamespace(view=SimpleNamespace(data=SimpleNamespace(row=np.array([4, 7, 9]))))
     found = _own_signals(SimpleNamespace(joint=2, driven_by=2, driver="row"), signals, rows)
-    assert list(found) == [Signal(ORDER)] and list(found[Signal(ORDER)]) == [4.0, 7.0, 9.0]
+    assert list(found) == [Signal(Quantity.ORDER)] and list(found[Signal(Quantity.ORDER)]) == [4.0, 7.0, 9.0]
 
 
 def test_what_another_axis_drives_is_drawn_over_that_axis():
     """A coupling stood over the speed of the axis that is turned."""
-    names = (Signal(ANGLE, 1), Signal(ANGLE, 3), Signal(SPEED, 3), Signal(TIME))
+    names = (Signal(Quantity.ANGLE, 1), Signal(Quantity.ANGLE, 3), Signal(Quantity.SPEED, 3),
+             Signal(Quantity.TIME))
     signals = dict.fromkeys(names, np.arange(3.0))
     coupling = JointCoupling(3, (1.0, 1e-4))
     formula = Expression(3, (1e-4,), form="a*q_1", of=("q_1",), names=("a",), plausible=(1e-4,))
     for effect in (coupling, formula):
-        assert list(_own_signals(effect, signals, None)) == [Signal(ANGLE, 1), Signal(TIME)]
+        assert list(_own_signals(effect, signals, None)) == [Signal(Quantity.ANGLE, 1), Signal(Quantity.TIME)]
     of_two = Expression(3, (1e-4,), form="a*q_1*q_2", of=("q_1", "q_2"), names=("a",), plausible=(1e-4,))
-    assert list(_own_signals(of_two, signals, None)) == [Signal(ANGLE, 3), Signal(SPEED, 3), Signal(TIME)]
+    assert list(_own_signals(of_two, signals, None)) == [
+        Signal(Quantity.ANGLE, 3), Signal(Quantity.SPEED, 3), Signal(Quantity.TIME)]
 
 
 def test_the_size_of_a_cause_is_a_number_that_is_not_zero_within_its_interval():
@@ -175,17 +178,19 @@ def test_a_measure_is_told_without_its_unit(name, words):
 
 def test_a_value_is_told_over_time_only_where_nothing_else_explains_half_of_it():
     t = np.linspace(0.0, 6.0, 400)
-    named = {Signal(TIME): t, Signal(LOAD, 2): np.sin(3.0 * t), Signal(SPEED, 2): np.cos(7.0 * t)}
-    assert _told_over(named, 2.0 * np.sin(3.0 * t) + 0.2 * np.sin(20.0 * t)) == Signal(LOAD, 2)
-    assert _told_over(named, np.exp(-t)) == Signal(TIME)
+    named = {Signal(Quantity.TIME): t, Signal(Quantity.LOAD, 2): np.sin(3.0 * t),
+             Signal(Quantity.SPEED, 2): np.cos(7.0 * t)}
+    assert _told_over(named, 2.0 * np.sin(3.0 * t) + 0.2 * np.sin(20.0 * t)) == Signal(Quantity.LOAD, 2)
+    assert _told_over(named, np.exp(-t)) == Signal(Quantity.TIME)
 
 
 def test_an_effect_of_no_axis_stands_over_signals_of_the_axis_along_which_it_is_drawn():
-    names = (Signal(LOAD, 1), Signal(LOAD, 2), Signal(TIME), Signal(SPEED, 12))
+    names = (Signal(Quantity.LOAD, 1), Signal(Quantity.LOAD, 2), Signal(Quantity.TIME),
+             Signal(Quantity.SPEED, 12))
     signals = dict.fromkeys(names, np.arange(3.0))
     of_none = SimpleNamespace(joint=None, driven_by=None)
     own = _own_signals(of_none, signals, None, measured_of(2))
-    assert list(own) == [Signal(LOAD, 2), Signal(TIME)]
+    assert list(own) == [Signal(Quantity.LOAD, 2), Signal(Quantity.TIME)]
     pushed = axis_of("base", "z")
     assert list(_own_signals(of_none, signals, None, pushed)) == list(names)
 

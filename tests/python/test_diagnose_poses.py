@@ -16,7 +16,7 @@ from exactarm.commands.next_steps import HEADING
 from exactarm.data.dataset import write_dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.pose_problem import PoseProblem
-from exactarm.diagnose.signal import PLACE, TWO_ANGLES
+from exactarm.diagnose.signal import Quantity
 from exactarm.diagnose.verdict import held_out_excess
 from exactarm.effects import effect_from_table
 from exactarm.identify.pose_fit import fit_poses
@@ -162,7 +162,7 @@ def test_cause_outside_the_library_is_unexplained_and_followed():
     result = diagnose(ur10(), data_with((), 84, push)[0])
     strongest = result.dossier_after.strongest
     assert result.verdict == "unexplained" and strongest.significant
-    assert strongest.signal.quantity == PLACE and str(strongest.signal) in result.sentence
+    assert strongest.signal.quantity == Quantity.PLACE and str(strongest.signal) in result.sentence
     assert "nothing in the library explains" in result.sentence
 
 
@@ -175,7 +175,7 @@ def test_two_angles_that_act_together_are_unexplained():
     result = diagnose(ur10(),
                       replace(data, position=data.position + lift[:, None] * np.array([0.0, 0.6, 0.8])))
     assert result.verdict == "unexplained"
-    assert result.dossier_after.strongest.signal.quantity == TWO_ANGLES
+    assert result.dossier_after.strongest.signal.quantity == Quantity.TWO_ANGLES
 
 
 @pytest.mark.slow

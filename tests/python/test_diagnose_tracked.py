@@ -20,7 +20,7 @@ from exactarm.diagnose.dossier import dossier
 from exactarm.diagnose.joint_fit import candidates_for
 from exactarm.diagnose.problems import problem_for
 from exactarm.diagnose.scan import scan
-from exactarm.diagnose.signal import DIRECTION, PLACE, Signal
+from exactarm.diagnose.signal import Quantity, Signal
 from exactarm.effects import effect_from_table
 from exactarm.effects.step_place import places
 from exactarm.effects.tracker_step import TrackerStep
@@ -78,7 +78,7 @@ def test_an_error_that_follows_the_place_is_no_noise_however_smooth_it_is_in_tim
     data = replace(data, position=data.position + bent)
     problem = problem_for(ur10(), data, data.select(np.zeros(len(data), bool)), 1, 0)
     first = dossier(problem, problem.fit(problem.declared()))
-    place = next(each for each in first.follows if each.signal.quantity == PLACE)
+    place = next(each for each in first.follows if each.signal.quantity == Quantity.PLACE)
     assert place.significant is found and (not found or place.share > 0.1)
 
 
@@ -345,7 +345,7 @@ def test_unknown_functions_see_the_direction_as_gears_do():
     data = tracked(None, 5)
     problem = problem_for(ur10(), data, data.select(np.zeros(len(data), bool)), 1, 0)
     fitted = problem.fit(problem.declared())
-    seen = problem.signals(fitted)[Signal(DIRECTION, 1)]
+    seen = problem.signals(fitted)[Signal(Quantity.DIRECTION, 1)]
     assert np.array_equal(seen, fitted.view.direction[:, 0])
     assert np.any(np.abs(seen) < 0.9)  # a gear passes in some time
 

@@ -11,14 +11,14 @@ from exactarm.diagnose import posterior
 from exactarm.diagnose.evidence import Members, Picture
 from exactarm.diagnose.search import FIRST, FURTHER, _richer, log_prior_of_count, search, weight_of
 from exactarm.diagnose.self_test import _Parts
-from exactarm.diagnose.signal import ANGLE, Signal, turn_of
+from exactarm.diagnose.signal import Quantity, Signal, turn_of
 from exactarm.diagnose.unknown import Unknown, basis_of, sizes_of
 from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES, Block, Vocabulary
 from exactarm.effects.gear_eccentricity import GearEccentricity
 from exactarm.effects.gear_harmonics import GearHarmonics
 from exactarm.noise.estimate import normal_noise
 
-ROWS, COMPONENTS = 60, 3
+ROWS, COMPONENTS, MOST = 60, 3, 16
 SHARE = 0.01
 
 
@@ -162,15 +162,15 @@ def test_a_coefficient_that_cannot_be_negative_is_believed_on_one_side_only():
 
 
 def test_planted_causes_are_found_and_noise_gets_no_name():
-    certain, posterior = search(picture(5, planted=(1, 6)))
+    certain, posterior = search(picture(5, planted=(1, 6)), MOST)
     names = {f"cause_{i}" for i in certain.blocks} | set(posterior.best)
     assert names == {"cause_1", "cause_6"}
-    _, posterior = search(picture(6))
+    _, posterior = search(picture(6), MOST)
     assert posterior.best == () and posterior.probability(lambda labels: not labels) > 0.5
 
 
 def test_probabilities_of_sets_sum_to_one_and_inclusion_follows():
-    _, posterior = search(picture(7, planted=(3,), size=0.12))
+    _, posterior = search(picture(7, planted=(3,), size=0.12), MOST)
     total = posterior.probability(lambda labels: True)
     assert total == pytest.approx(1.0)
     inclusion = posterior.inclusion()
@@ -213,7 +213,7 @@ def gear_curve_picture(seed):
     waves = np.stack([f(k * phi) / k for k in range(1, 13) for f in (np.sin, np.cos)], axis=1)[:, None, :]
     curve = GearHarmonics.curve(1, 12, 1e-4, (-2.5, 2.5))
     run_out, fifth = GearEccentricity(1, (0.0,) * 4), GearHarmonics(1, (5.0, 0.0, 0.0))
-    own = Unknown(turn_of(1), (Signal(ANGLE, 1),))
+    own = Unknown(turn_of(1), (Signal(Quantity.ANGLE, 1),))
     responses = np.concatenate([waves, waves[:, :, :4], waves[:, :, 8:10], basis_of(phi)[:, None, :]], axis=2)
     sizes, at, blocks = [np.full(24, 1.0), np.full(4, 1.0), np.full(2, 1.0), sizes_of(1.0)], 0, []
     for effect, unknown, size in zip((curve, run_out, fifth, None), (None, None, None, own), sizes):
@@ -233,7 +233,7 @@ def test_a_curve_takes_the_place_of_its_poorer_forms():
     pic = gear_curve_picture(11)
     assert pic.vocabulary.forms_of(0) == {0, 1, 2, 3}
     assert 2 not in pic.vocabulary.forms_of(1)  # teeth are no form of a run-out
-    certain, posterior = search(pic)
+    certain, posterior = search(pic, MOST)
     assert [*certain.blocks, *posterior.members[posterior.best].blocks] == [0]
     assert len(pic.vocabulary.beside([pic.vocabulary.blocks[0].effect]).blocks) == 0
 

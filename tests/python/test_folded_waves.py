@@ -9,7 +9,7 @@ import pytest
 from exactarm.chain import motion_record
 from exactarm.diagnose.joint_fit import candidates_for
 from exactarm.diagnose.motion_problem import MotionProblem
-from exactarm.diagnose.signal import MOTOR_ANGLE
+from exactarm.diagnose.signal import Quantity
 from exactarm.robot.robot import GearTable
 from motions import fourier_motion, motion_data
 from six_axis import six_axis
@@ -49,7 +49,8 @@ def test_no_wave_is_searched_of_an_axis_that_folds(waving):
         field = candidates_for(problem, fitted)
         waves = {effect.joint for effect in field if effect.of_waves}
         assert (2 in waves) != folds and {1, 3} < waves
-        motors = {signal.axis for signal in problem.signals(fitted) if signal.quantity == MOTOR_ANGLE}
+        motors = {signal.axis for signal in problem.signals(fitted)
+                  if signal.quantity == Quantity.MOTOR_ANGLE}
         assert (2 in motors) != folds and {1, 3} < motors
         assert any("gear waves of axis 2" in words for words in problem.left_out()) == folds
         assert any(effect.joint == 2 for effect in field)

@@ -147,9 +147,9 @@ def test_no_order_is_invented():
     angle = np.arange(3000) * 1e-3
     for _ in range(20):
         sides = [
-            AngleProfile(way, angle, 1.0 + random.normal(0.0, 1e-3, angle.size), np.ones(angle.size),
-                         np.arange(angle.size), 1e-3, angle.size, True)
-            for way in (-1.0, 1.0)
+            AngleProfile(angle, 1.0 + random.normal(0.0, 1e-3, angle.size), np.ones(angle.size),
+                         np.arange(angle.size), 1e-3, True)
+            for _ in range(2)
         ]
         for side in sides:
             side.value[:] -= side.value.mean() - 1.0

@@ -14,7 +14,7 @@ from exactarm.diagnose.held_out_evidence import (
     log_density,
     with_held_out,
 )
-from exactarm.diagnose.signal import ANGLE, LOAD, TIME, TWO_ANGLES, Signal, turn_of
+from exactarm.diagnose.signal import Quantity, Signal, turn_of
 from exactarm.diagnose.verdict import (
     EXPLAINED,
     NOTHING,
@@ -114,9 +114,9 @@ def test_what_follows_the_posture_after_all_causes_is_not_explained(structure, v
 def test_a_structure_of_the_posture_is_told_from_one_of_time():
     """What wanders from row to row is noise that they share; where the arm stands comes again."""
     follows = lambda signal, p: Follows(signal, turn_of(2), 0.3, p)
-    in_time = follows(Signal(TIME), 1e-9), follows(Signal("temperature_degC"), 1e-9)
+    in_time = follows(Signal(Quantity.TIME), 1e-9), follows(Signal("temperature_degC"), 1e-9)
     assert Dossier(in_time, 0.9).structure and not Dossier(in_time, 0.9).of_posture
-    for signal in (Signal(ANGLE, 2), Signal(LOAD, 3), Signal(TWO_ANGLES)):
+    for signal in (Signal(Quantity.ANGLE, 2), Signal(Quantity.LOAD, 3), Signal(Quantity.TWO_ANGLES)):
         assert Dossier((*in_time, follows(signal, 1e-9)), 0.9).of_posture
         assert not Dossier((*in_time, follows(signal, 2e-4)), 0.9).of_posture
 

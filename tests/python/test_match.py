@@ -12,7 +12,6 @@ from exactarm.first_aid.first_aid import with_cause
 from exactarm.identify.calibrate import calibrate
 from exactarm.identify.evaluate import evaluate_poses
 from exactarm.identify.match import WORST_SHARE, Mismatch
-from exactarm.identify.reach import reach
 from exactarm.robot.writer import write_robot
 from exactarm.robot_file import load_robot
 from set_ups import joints_in_limits, measured, true_robot
@@ -41,7 +40,7 @@ def refusal_of(work, *given):
 
 
 def test_reach_is_that_of_the_stretched_arm(arm):
-    assert reach(arm) == pytest.approx(np.hypot(0.43, 0.15) + 0.59 + 0.13 + 0.684 + 0.1)
+    assert arm.reach == pytest.approx(np.hypot(0.43, 0.15) + 0.59 + 0.13 + 0.684 + 0.1)
 
 
 @pytest.mark.parametrize("factors, words", [
@@ -82,7 +81,7 @@ def test_badly_mastered_robot_passes(arm):
     """Zeros off by half a degree on every axis and lengths by millimetres: bad, but this robot."""
     data = data_of(arm, scale=9.0, count=60)
     error = evaluate_poses(arm, data).overall.rms
-    assert 0.2 * WORST_SHARE * reach(arm) < error < WORST_SHARE * reach(arm)
+    assert 0.2 * WORST_SHARE * arm.reach < error < WORST_SHARE * arm.reach
     assert calibrate(arm, data).after["validation"].rms < 1e-3
 
 

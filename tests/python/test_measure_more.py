@@ -6,22 +6,7 @@ import pytest
 
 from exactarm.commands.measure_more import experiment_for, to_tell_noise, worse_elsewhere
 from exactarm.data.kinds import CLOSURES, GEAR_RUN, MOTION, POSES, TRACKED_MOTION
-from exactarm.diagnose.signal import (
-    ACCELERATION,
-    ANGLE,
-    APPROACH,
-    DIRECTION,
-    LOAD,
-    MOTOR_ANGLE,
-    ORDER,
-    PLACE,
-    POSITION,
-    TIME,
-    TRAVEL,
-    TWO_ANGLES,
-    Signal,
-    Structure,
-)
+from exactarm.diagnose.signal import Quantity, Signal, Structure
 
 
 def follows(*signals):
@@ -29,27 +14,27 @@ def follows(*signals):
 
 
 @pytest.mark.parametrize("kind, told, words", [
-    (POSES, follows(Signal(ANGLE, 5)), "turn axis 5 alone"),
-    (POSES, follows(Signal(TWO_ANGLES)), "every axis over its whole range"),
-    (POSES, follows(Signal(ANGLE, 2), Signal(ANGLE, 3)), "every axis over"),
-    (POSES, follows(Signal(ANGLE, 2), Signal(LOAD, 3)), "load of axis 3"),
-    (POSES, follows(Signal(PLACE)), "second place of the tracker"),
-    (POSES, follows(Signal(TRAVEL, 1)), "axis 1 alone along its way"),
-    (TRACKED_MOTION, follows(Signal(TRAVEL, 1)), "axis 1 alone along its way, slowly"),
-    (POSES, follows(Signal(ORDER)), "every quarter of an hour"),
-    (POSES, follows(Signal(APPROACH, 2)), "both sides of axis 2"),
+    (POSES, follows(Signal(Quantity.ANGLE, 5)), "turn axis 5 alone"),
+    (POSES, follows(Signal(Quantity.TWO_ANGLES)), "every axis over its whole range"),
+    (POSES, follows(Signal(Quantity.ANGLE, 2), Signal(Quantity.ANGLE, 3)), "every axis over"),
+    (POSES, follows(Signal(Quantity.ANGLE, 2), Signal(Quantity.LOAD, 3)), "load of axis 3"),
+    (POSES, follows(Signal(Quantity.PLACE)), "second place of the tracker"),
+    (POSES, follows(Signal(Quantity.TRAVEL, 1)), "axis 1 alone along its way"),
+    (TRACKED_MOTION, follows(Signal(Quantity.TRAVEL, 1)), "axis 1 alone along its way, slowly"),
+    (POSES, follows(Signal(Quantity.ORDER)), "every quarter of an hour"),
+    (POSES, follows(Signal(Quantity.APPROACH, 2)), "both sides of axis 2"),
     (POSES, follows(Signal("temperature_degC")), "other values of the temperature_degC"),
     (POSES, (Structure("", wanders=True),), "one pose again"),
     (POSES, (), "five poses ten times each"),
-    (CLOSURES, follows(Signal(POSITION, part="x")), "another place of the fixture"),
-    (CLOSURES, follows(Signal(LOAD, 3)), "known payload"),
+    (CLOSURES, follows(Signal(Quantity.POSITION, part="x")), "another place of the fixture"),
+    (CLOSURES, follows(Signal(Quantity.LOAD, 3)), "known payload"),
     (GEAR_RUN, (Structure("", hertz=12.5),), "leaves 12.5 Hz with the speed"),
     (GEAR_RUN, (Structure("", hertz=1e3),), "leaves 1e+03 Hz with the speed"),
-    (GEAR_RUN, follows(Signal(MOTOR_ANGLE, 4, "within a revolution")), "turn axis 4 alone"),
-    (MOTION, follows(Signal(DIRECTION, 2)), "axis 2 alone to and fro"),
+    (GEAR_RUN, follows(Signal(Quantity.MOTOR_ANGLE, 4, "within a revolution")), "turn axis 4 alone"),
+    (MOTION, follows(Signal(Quantity.DIRECTION, 2)), "axis 2 alone to and fro"),
     (MOTION, (), "record the same motion three times"),
-    (TRACKED_MOTION, follows(Signal(ACCELERATION, 1)), "half the speed"),
-    (TRACKED_MOTION, follows(Signal(TIME)), "cold, and after half an hour"),
+    (TRACKED_MOTION, follows(Signal(Quantity.ACCELERATION, 1)), "half the speed"),
+    (TRACKED_MOTION, follows(Signal(Quantity.TIME)), "cold, and after half an hour"),
 ])
 def test_every_structure_has_an_experiment_that_varies_what_it_follows(kind, told, words):
     said = experiment_for(kind, told)
@@ -68,8 +53,9 @@ def test_what_only_the_fit_calls_noise_is_to_be_measured(kind, words):
 
 
 def test_where_fitted_rows_say_little_of_others_more_of_them_are_asked_for():
-    assert "at least two other motions" in experiment_for(MOTION, follows(Signal(TIME)), far_larger=True)
-    assert "elsewhere in the work space" in experiment_for(POSES, follows(Signal(TIME)), far_larger=True)
+    found = follows(Signal(Quantity.TIME))
+    assert "at least two other motions" in experiment_for(MOTION, found, far_larger=True)
+    assert "elsewhere in the work space" in experiment_for(POSES, found, far_larger=True)
 
 
 @pytest.mark.parametrize("rows, rms, told", [((188, 438), 1.5, True), ((188, 438), 1.1, False),

@@ -9,7 +9,15 @@ from exactarm.chain import Layout, predict_poses
 from exactarm.data.dataset import Dataset
 from exactarm.design.pose_space import PoseSpace
 from exactarm.diagnose.confusion import Place
-from exactarm.diagnose.next_poses import PAYLOAD_KG, Experiment, next_poses, sentence_of, told_by
+from exactarm.diagnose.next_poses import (
+    PAYLOAD_KG,
+    Experiment,
+    _seen,
+    _simulated,
+    _State,
+    next_poses,
+    sentence_of,
+)
 from exactarm.diagnose.pose_problem import PoseProblem
 from exactarm.effects.gear_ratio import GearRatio
 from exactarm.effects.joint_compliance import JointCompliance
@@ -17,6 +25,12 @@ from exactarm.robot.robot import Placement
 from exactarm.robot_file import load_robot
 
 SPRING, RATIO = JointCompliance(2, (2e-6, 0.0)), GearRatio(2, (0.0,))
+
+
+def told_by(robot, fitted, places, q, payload_kg):
+    """The bits that any poses q (K, n) would tell about the causes, approached from both directions."""
+    fields, rows = _seen(robot, fitted, [_State.of(fitted, place) for place in places], q, payload_kg)
+    return _simulated(fields, rows, list(range(len(q))), 0)
 
 
 @pytest.fixture(scope="module")

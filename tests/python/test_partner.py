@@ -25,7 +25,6 @@ from exactarm.identify.evaluate import evaluate_closures, evaluate_poses
 from exactarm.identify.match import WORST_SHARE
 from exactarm.identify.partner_misfit import distances, partner_misfit
 from exactarm.identify.partner_prior import NO_SCALE, prior_of
-from exactarm.identify.reach import reach
 from exactarm.measurement.closures import device_of, predict_closures, touches
 from exactarm.measurement.partner import FRAMES, partner_robot, placed_by
 from exactarm.measurement.partner import Partner as Contact
@@ -99,7 +98,7 @@ def test_derivatives_of_the_distance_of_two_balls(size):
 def test_an_arm_of_another_size_is_refused_before_any_fit(slipped, monkeypatch):
     robot, data, _ = touched("ur10", 3, count=60, slipped=slipped)
     rows, tools = touches(data), [np.zeros(3), np.array([0.1, -0.2, 0.3])]
-    enough = WORST_SHARE * reach(robot.nominal)
+    enough = WORST_SHARE * robot.nominal.reach
     assert partner_misfit(robot.nominal, Layout.of(()), rows, tools, enough) < 0.1 * enough
     for other in ("racer-7-1.4", "tx40"):
         wrong = with_partner(data, load_robot(other))

@@ -10,7 +10,7 @@ from exactarm.chain import Layout
 from exactarm.commands.diagnose_report import report_of
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.problems import problem_for
-from exactarm.diagnose.signal import ANGLE, APPROACH, DIRECTION, LOAD, TRACKER, Signal, axis_of, turn_of
+from exactarm.diagnose.signal import TRACKER, Quantity, Signal, axis_of, turn_of
 from exactarm.diagnose.unknown import AMPLITUDE, Wave, basis_of, levels_of, sizes_of, unknown_functions
 from exactarm.effects import library
 from exactarm.effects.base_compliance import BaseCompliance
@@ -39,8 +39,9 @@ def test_unknown_functions_have_unit_variance_on_the_average():
 def test_axes_that_turn_far_have_waves_of_two_and_others_none():
     rows, rng = 4000, np.random.default_rng(4)
     near, far = (rng.uniform(-half, half, (2, rows)) for half in (1.0, np.pi))
-    of_two = lambda angles: [(response, sizes[0]) for unknown, response, sizes in
-                             functions_of(dict(zip((Signal(ANGLE, 1), Signal(ANGLE, 2)), angles)))
+    names = Signal(Quantity.ANGLE, 1), Signal(Quantity.ANGLE, 2)
+    of_two = lambda angles: [(response, sizes[0])
+                             for unknown, response, sizes in functions_of(dict(zip(names, angles)))
                              if unknown.form == "of two" and unknown.direction == turn_of(3)]
     assert len(of_two(near)) == 1
     (_, _), (waves, sizes) = of_two(far)
@@ -55,8 +56,8 @@ def test_axes_that_turn_far_have_waves_of_two_and_others_none():
 def test_a_signal_of_rounding_is_no_signal():
     """The load of a last axis whose masses lie on it: 1e-17 Nm of either sign."""
     real = np.random.default_rng(3).uniform(-1.0, 1.0, 50)
-    found = functions_of({Signal(LOAD, 5): real, Signal(LOAD, 6): 1e-17 * real})
-    assert [unknown.signals for unknown, _, _ in found] == [(Signal(LOAD, 5),)]
+    found = functions_of({Signal(Quantity.LOAD, 5): real, Signal(Quantity.LOAD, 6): 1e-17 * real})
+    assert [unknown.signals for unknown, _, _ in found] == [(Signal(Quantity.LOAD, 5),)]
 
 
 @pytest.mark.parametrize("values", [(-1.0, 1.0), (-1.0, 0.0, 1.0), (20.0, 21.5, 22.0, 30.0)])
@@ -74,16 +75,17 @@ def test_a_signal_of_few_values_has_a_level_at_each_of_them(values):
 
 def test_the_side_from_which_an_axis_came_turns_an_axis_and_no_device():
     side = np.random.default_rng(5).choice([-1.0, 1.0], 50)
-    found = [unknown for unknown, _, _ in functions_of({Signal(APPROACH, 2): side, Signal(DIRECTION, 3): side,
-                                                        Signal("shift"): side})]
+    names = (Signal(Quantity.APPROACH, 2), Signal(Quantity.DIRECTION, 3), Signal("shift"))
+    found = [unknown for unknown, _, _ in functions_of(dict.fromkeys(names, side))]
     assert [(u.direction, u.signals) for u in found] == [
-        (turn_of(3), (Signal(APPROACH, 2),)), (turn_of(3), (Signal("shift"),)), (TRACKER, (Signal("shift"),))]
+        (turn_of(3), (Signal(Quantity.APPROACH, 2),)), (turn_of(3), (Signal("shift"),)),
+        (TRACKER, (Signal("shift"),))]
 
 
 def test_a_curve_of_an_axis_may_hang_on_its_own_side():
     rng = np.random.default_rng(6)
     angle, side = rng.uniform(-2.0, 2.0, 80), rng.choice([-1.0, 1.0], 80)
-    signals = {Signal(ANGLE, 3): angle, Signal(APPROACH, 3): side}
+    signals = {Signal(Quantity.ANGLE, 3): angle, Signal(Quantity.APPROACH, 3): side}
     (unknown, response), = ((u, moved) for u, moved, _ in functions_of(signals) if len(u.signals) == 2)
     assert unknown.label == "a turn of axis 3 by angle of axis 3 and approach of axis 3"
     assert np.allclose(response[:, 0], side[:, None] * basis_of(angle))
@@ -94,8 +96,8 @@ def test_a_curve_of_an_axis_may_hang_on_its_own_side():
 def test_an_axis_may_turn_by_waves_that_the_library_has_no_effect_for(by_side):
     rng = np.random.default_rng(9)
     angle, side = rng.uniform(-2.0, 2.0, 80), rng.choice([-1.0, 1.0], 80)
-    signals = {Signal(ANGLE, 3): angle} | ({Signal(APPROACH, 3): side} if by_side else {})
-    side_of = Signal(APPROACH, 3) if by_side else None
+    signals = {Signal(Quantity.ANGLE, 3): angle} | ({Signal(Quantity.APPROACH, 3): side} if by_side else {})
+    side_of = Signal(Quantity.APPROACH, 3) if by_side else None
     every = functions_of(signals, [Wave(3, order, side_of) for order in (4.5, 101.0)])
     found = [each for each in every if each[0].order is not None]
     assert [unknown.order for unknown, _, _ in found] == [4.5, 101.0]

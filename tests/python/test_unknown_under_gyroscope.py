@@ -10,7 +10,7 @@ from exactarm.chain import Layout
 from exactarm.data.dataset import Dataset
 from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.problems import problem_for
-from exactarm.diagnose.signal import LOAD, TIME, Signal
+from exactarm.diagnose.signal import Quantity, Signal
 from exactarm.diagnose.something_else import beside_unknown
 from exactarm.diagnose.verdict import UNEXPLAINED
 from exactarm.effects import library
@@ -115,7 +115,8 @@ def test_waves_that_may_change_are_those_of_the_model(racer):
     beside = problem.fit(problem.declared().joined(Layout.of((wave,))))
     asked = lambda fitted, instead=(): {one.by for one in problem.unknown_waves(fitted, instead)
                                         if abs(one.order - ORDER) < 1.0}
-    others = {Signal(TIME), Signal("temperature_degC"), Signal(LOAD, 2)} & set(problem.signals(declared))
+    named = {Signal(Quantity.TIME), Signal("temperature_degC"), Signal(Quantity.LOAD, 2)}
+    others = named & set(problem.signals(declared))
     assert len(others) >= 2
     assert asked(declared) == asked(declared, [wave]) == set()
     assert asked(beside) == others

@@ -95,10 +95,8 @@ class GearRecord:
         view = View(robot, data, GEAR_RUN.name, threads)
         view.signals |= {"theta": self.theta.copy(), "theta_dot": self.theta_dot, "direction": self.direction}
         view.signals["keep"] = self.keep.astype(float)
-        view.runs, view.moving, view.moving_runs = self.runs, self.moving, tuple(
-            zip(self.runs, self.furthest)
-        )
-        view.sensor_axis = self.sensor_axis
+        view.runs, view.moving, view.sensor_axis = self.runs, self.moving, self.sensor_axis
+        view.moving_runs = tuple(zip(self.runs, self.furthest))
         return view
 
     def rate(self, angle: np.ndarray) -> np.ndarray:

@@ -22,7 +22,7 @@ from exactarm import _core
 from exactarm.chain.gear import declared_output_angle
 from exactarm.chain.gear_record import GearRecord, gear_record
 from exactarm.chain.layout import Layout
-from exactarm.chain.propagate import acts
+from exactarm.chain.propagate import pass_station
 from exactarm.chain.run_tangents import Recorded, device_map, joint_tangents, moved
 from exactarm.chain.sensor_link import force_in_sensor, sensor_rates
 from exactarm.chain.spring import declared_deflection
@@ -103,15 +103,8 @@ def predict_gear_run(robot: Robot, layout: Layout, data: Dataset, *, record: Gea
 def _pass(view: View, layout: Layout, station: Station, signal: str, passed: list[Recorded],
           derivatives: bool = True) -> None:
     """Adds the changes at a station to the signal's values and records them for the tangents."""
-    for index, effect in enumerate(layout.effects):
-        if acts(effect, view, station):
-            if effect.only_in_tables and not derivatives:
-                continue
-            change = effect.change(view)
-            values = view.signals[signal].copy()
-            values[:, change.columns] += change.value
-            view.signals[signal] = values
-            passed.append(Recorded(index, station, change, layout))
+    passed.extend(Recorded(index, station, change, layout)
+                  for index, change in pass_station(view, layout, station, signal, derivatives))
 
 
 def _joint_angles(view: View, layout: Layout, derivatives: bool,

@@ -90,13 +90,6 @@ class Layout:
         parts = [effect.carries_from(joint)[mask] for effect, mask in zip(self.effects, self.free)]
         return np.concatenate(parts) if parts else np.zeros(0, bool)
 
-    def prior_rows(self) -> np.ndarray:
-        """(r, P) rows of 1 / standard deviation, one for each prior: pseudo-observations of zero."""
-        held = np.flatnonzero(np.isfinite(self.prior))
-        rows = np.zeros((len(held), self.size))
-        rows[np.arange(len(held)), held] = 1.0 / self.prior[held]
-        return rows
-
     @property
     def values(self) -> np.ndarray:
         """The free values as one vector."""

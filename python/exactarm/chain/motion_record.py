@@ -120,10 +120,7 @@ class MotionRecord:
     def folded(self, robot: Robot) -> np.ndarray:
         """(n,) bool: axes whose declared gear waves pass faster than the log's samples show, in more than a
         few rows; what such waves leave in a torque folds back to any order."""
-        tables = [[table.order for table in (joint.cw, joint.ccw) if table is not None]
-                  for joint in robot.joints]
-        highest = np.array([max((float(np.max(order, initial=0.0)) for order in own), default=0.0)
-                            for own in tables])
+        highest = np.array([joint.highest_order for joint in robot.joints])
         turns = np.abs(self.theta_dot / robot.ratios) / (2.0 * np.pi)
         return np.mean(highest * turns * self.logged_step > 0.5, axis=0) > _FOLDED
 

@@ -41,7 +41,7 @@ from exactarm.diagnose.draft import Draft
 from exactarm.diagnose.not_noise import probability_of as probability_not_noise
 from exactarm.diagnose.posterior import Causes
 from exactarm.diagnose.selected import UNKNOWN, Accepted
-from exactarm.diagnose.signal import LOAD
+from exactarm.diagnose.signal import Quantity
 from exactarm.diagnose.verdict import UNEXPLAINED, remains, stood_and_refuted
 from exactarm.errors import InputError
 from exactarm.identify.session_payloads import session_payloads
@@ -135,7 +135,8 @@ def _mounted_otherwise(result: Diagnosis) -> str | None:
     """In words: what no spring explains follows a load of declared masses, as under another gravity; of poses
     there is a test (identify/springs_left.py). Torques are of that load themselves: what follows it there is
     a drive's gain as well."""
-    follow = any(signal.quantity == LOAD for structure in result.unknown for signal in structure.signals)
+    follow = any(signal.quantity == Quantity.LOAD
+                 for structure in result.unknown for signal in structure.signals)
     others = result.kind == MOTION.name or result.problem.by_posterior
     if not follow or others or result.problem.robot.links is None or result.problem.robot.generic_masses:
         return None

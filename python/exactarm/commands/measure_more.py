@@ -12,23 +12,7 @@ from scipy import special
 from exactarm.data.kinds import kind_of
 from exactarm.data.kinds.base import Device, Kind
 from exactarm.diagnose.diagnosis import Diagnosis
-from exactarm.diagnose.signal import (
-    ACCELERATION,
-    ANGLE,
-    APPROACH,
-    DIRECTION,
-    LOAD,
-    MOTOR_ANGLE,
-    ORDER,
-    PLACE,
-    POSITION,
-    SPEED,
-    TIME,
-    TRAVEL,
-    TWO_ANGLES,
-    Signal,
-    Structure,
-)
+from exactarm.diagnose.signal import Quantity, Signal, Structure
 from exactarm.diagnose.verdict import carries_badly
 from exactarm.identify.wild_rows import wild_elsewhere_line
 from exactarm.report.numbers import quantity
@@ -36,38 +20,39 @@ from exactarm.report.numbers import quantity
 # What is left follows, of which the first that holds counts: a signal of one of these quantities; for rows at
 # rest.
 _AT_REST = (
-    ((APPROACH,),
+    ((Quantity.APPROACH,),
      "drive to twenty poses from both sides of axis {axis} (`exactarm design --both-ways`): the "
      "difference is what hangs on the direction"),
-    ((TWO_ANGLES,),
+    ((Quantity.TWO_ANGLES,),
      "measure about as many poses again, every axis over its whole range and independent of the others "
      "(`exactarm design`): it shows at no axis alone"),
-    ((LOAD,),
+    ((Quantity.LOAD,),
      "measure the same poses with a known payload and without (column `payload_kg`): what hangs on the "
      "load of axis {axis} grows with it, what hangs on its angle does not"),
-    ((ANGLE,),
+    ((Quantity.ANGLE,),
      "turn axis {axis} alone through its range in steps of 3 deg, in two postures of the others: what its"
      " angle does then shows by itself"),
-    ((TRAVEL,),
+    ((Quantity.TRAVEL,),
      "drive axis {axis} alone along its way in steps of a hundredth, in two postures of the others: what its"
      " guide does then shows by itself"),
-    ((POSITION, PLACE), "{elsewhere}: what stays with the device is not the arm's"),
-    ((TIME, ORDER),
+    ((Quantity.POSITION, Quantity.PLACE), "{elsewhere}: what stays with the device is not the arm's"),
+    ((Quantity.TIME, Quantity.ORDER),
      "visit five of the poses again every quarter of an hour: what changes with time shows there"))
 _IN_MOTION = (
-    ((DIRECTION, SPEED),
+    ((Quantity.DIRECTION, Quantity.SPEED),
      "move axis {axis} alone to and fro, at three constant speeds from slow to fast: friction and play "
      "show at the reversals, the rest with the speed"),
-    ((ANGLE, MOTOR_ANGLE),
+    ((Quantity.ANGLE, Quantity.MOTOR_ANGLE),
      "turn axis {axis} alone through its range, slowly, both ways: what its angle does then shows by "
      "itself"),
-    ((TRAVEL,),
+    ((Quantity.TRAVEL,),
      "move axis {axis} alone along its way, slowly, both ways: what its guide does then shows by itself"),
-    ((LOAD,), "repeat the motion with a known payload: what hangs on the load of axis {axis} grows with it"),
-    ((ACCELERATION,),
+    ((Quantity.LOAD,),
+     "repeat the motion with a known payload: what hangs on the load of axis {axis} grows with it"),
+    ((Quantity.ACCELERATION,),
      "play the same motion at half the speed: inertia and delays fall with it, friction and gears stay"),
-    ((POSITION, PLACE), "{elsewhere}: what stays with the device is not the arm's"),
-    ((TIME,),
+    ((Quantity.POSITION, Quantity.PLACE), "{elsewhere}: what stays with the device is not the arm's"),
+    ((Quantity.TIME,),
      "play the same motion cold, and after half an hour of work: what warms up shows in the difference"))
 _WANDERS = (
     "see that nothing moved (base, device, reflector), and visit one pose again after every ten others: "
@@ -144,7 +129,7 @@ def _experiment(kind: Kind, told: tuple[Structure, ...]) -> str:
     elsewhere = _ELSEWHERE.get(kind.device, "measure elsewhere in the work space").format(rows=kind.rows)
     signals = [signal for structure in told for signal in structure.signals]
     if any(sum(signal.places_axis for signal in structure.signals) > 1 for structure in told):
-        signals.append(Signal(TWO_ANGLES))
+        signals.append(Signal(Quantity.TWO_ANGLES))
     for quantities, words in _AT_REST if kind.at_rest else _IN_MOTION:
         found = next((signal for signal in signals if signal.quantity in quantities), None)
         if found is not None:

@@ -10,7 +10,6 @@ from exactarm.design.pose_space import Box
 from exactarm.errors import InputError
 from exactarm.identify.identifiability import Dropped
 from exactarm.identify.planned import FRAMES, SIGMA_POSITION_M
-from exactarm.identify.reach import reach
 from exactarm.robot.controller_frames import with_target
 from exactarm.robot.robot import Robot
 
@@ -86,9 +85,9 @@ def with_tool(robot: Robot, text: Numbers | None) -> Robot:
     tool = tool_of(text)
     if tool is None:
         return robot
-    if 0.0 < LONGEST_TOOL * reach(robot) < np.linalg.norm(tool):
+    if 0.0 < LONGEST_TOOL * robot.reach < np.linalg.norm(tool):
         raise InputError(f"--tool {text}: {np.linalg.norm(tool):.4g} m from the flange of an arm that "
-                         f"reaches {reach(robot):.2g} m; expected metres")
+                         f"reaches {robot.reach:.2g} m; expected metres")
     return with_target(robot, tool)
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from exactarm.chain import Layout
-from exactarm.diagnose.decisions import DOUBT, MANY_PARAMETERS
+from exactarm.diagnose.decisions import DOUBT, MANY_PARAMETERS, REMOTE
 from exactarm.diagnose.held_out_evidence import AGAINST, held_out_gains
 from exactarm.diagnose.joint_fit import refit
 from exactarm.diagnose.problem import Problem
@@ -24,7 +24,7 @@ from exactarm.diagnose.verdict import judged_of, rms_of
 from exactarm.effects.base import Effect
 
 # the strongest is fitted, however improbable; of many parameters, it alone
-_RIVALS_EACH, _RIVALS, _LEAST_RIVAL = 2, 5, 1e-3
+_RIVALS_EACH, _RIVALS = 2, 5
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ def alternatives_of(problem: Problem, declared: Layout, selection: Selection,
     found = []
     for nats, sure, place, effect in sorted(rivals, key=lambda rival: -rival[0])[:_RIVALS]:
         probability = float(np.exp(min(nats, 0.0)) * sure)
-        if found and (probability < _LEAST_RIVAL or last.layout.size > MANY_PARAMETERS):
+        if found and (probability < REMOTE or last.layout.size > MANY_PARAMETERS):
             continue
         effects = chosen[:place] + [effect] + chosen[place + 1 :]
         fitted = problem.settled(refit(problem.rough, declared, effects, last))

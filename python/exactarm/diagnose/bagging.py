@@ -17,13 +17,13 @@ from __future__ import annotations
 import numpy as np
 from scipy import special
 
-from exactarm.diagnose.decisions import RIDGE
+from exactarm.diagnose.decisions import CERTAIN, RIDGE
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.scan import linear_columns, prior_of
 from exactarm.diagnose.vocabulary import emptied
 from exactarm.effects.base import Effect
 
-HOPELESS = 40.0  # nats behind the likeliest, which no draw of pieces makes up for
+HOPELESS = 2.0 * CERTAIN  # nats behind the likeliest, which no draw of pieces makes up for
 _DRAWS = 500  # a probability of one half is known to 2 %
 
 

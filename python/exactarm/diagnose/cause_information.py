@@ -20,7 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-_DRAWS = 400  # outcomes of each hypothesis: two digits of a bit
+from exactarm.diagnose.decisions import DRAWS
+
 _FOLLOWED = 60  # candidates that are worth a second look after the first choice
 
 
@@ -53,7 +54,7 @@ class Field:
         return Seen(np.array([each.probability for each in h]), np.stack([rows @ each.mean for each in h]),
                     np.stack([rows @ each.covariance @ rows.T for each in h]))
 
-    def simulated_bits(self, rows: np.ndarray, rng: np.random.Generator, draws: int = _DRAWS) -> float:
+    def simulated_bits(self, rows: np.ndarray, rng: np.random.Generator, draws: int = DRAWS) -> float:
         """The information on the cause itself, of rows G (r, P): mean over simulated outcomes."""
         laws = [(rows @ h.mean, linalg.cholesky(np.eye(len(rows)) + rows @ h.covariance @ rows.T, lower=True))
                 for h in self.hypotheses]

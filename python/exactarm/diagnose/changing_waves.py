@@ -11,7 +11,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from exactarm.diagnose.fitted import Fitted
-from exactarm.diagnose.signal import LOAD, SPEED, Signal
+from exactarm.diagnose.signal import Quantity, Signal
 from exactarm.diagnose.unknown import Wave
 from exactarm.effects.base import Effect
 from exactarm.effects.harmonic_family import declared_orders, searched_orders
@@ -21,8 +21,8 @@ def changing_waves(fitted: Fitted, signals: Iterable[Signal], instead: Iterable[
                    grows: bool) -> list[Wave]:
     """Of a fit, and `instead` of effects that it lacks; grows: whether one may grow with the speed."""
     view, signals = fitted.view, tuple(signals)
-    speeds = [signal for signal in signals if signal.quantity == SPEED and grows]
-    others = [signal for signal in signals if signal.quantity == LOAD or signal.axis is None]
+    speeds = [signal for signal in signals if signal.quantity == Quantity.SPEED and grows]
+    others = [signal for signal in signals if signal.quantity == Quantity.LOAD or signal.axis is None]
     asked = [(int(i), order, 1, speeds + others) for i in np.flatnonzero(view.moving)
              for order in declared_orders(view.robot, i)]
     for effects, by in ((fitted.layout.effects, speeds + others), (instead, speeds)):

@@ -15,11 +15,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from exactarm.diagnose.decisions import ABSORBED, ENOUGH_GROUPS
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.scan import Candidate
 from exactarm.numerics.factors import lstsq
-
-_GROUPS_EACH = 5  # groups for each coefficient, below which their scatter is no estimate
 
 
 def robust_evidence(fitted: Fitted, candidate: Candidate, columns: np.ndarray, groups: np.ndarray,
@@ -28,10 +27,10 @@ def robust_evidence(fitted: Fitted, candidate: Candidate, columns: np.ndarray, g
     independent numbers."""
     names, group = np.unique(groups, return_inverse=True)
     clear = fitted.cleared(columns)
-    seen = np.einsum("ij,ij->j", clear, clear) > 1e-6 * np.einsum("ij,ij->j", columns, columns)
+    seen = np.einsum("ij,ij->j", clear, clear) > ABSORBED * np.einsum("ij,ij->j", columns, columns)
     clear = clear[:, seen] / np.linalg.norm(clear[:, seen], axis=0)
     k = clear.shape[1]
-    if not k or len(names) < _GROUPS_EACH * k:
+    if not k or len(names) < ENOUGH_GROUPS * k:
         return candidate.evidence
     residual = fitted.free_residual
     values = lstsq(clear, residual, rcond=1e-8)[0]

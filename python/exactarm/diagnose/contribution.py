@@ -32,22 +32,10 @@ from exactarm import _core
 from exactarm.chain import Layout
 from exactarm.chain.spring import declared_deflection
 from exactarm.data.kinds import kind_of
+from exactarm.diagnose.decisions import LEVELS
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.problem import Problem
-from exactarm.diagnose.signal import (
-    ACCELERATION,
-    ANGLE,
-    LOAD,
-    MOTOR_ANGLE,
-    ORDER,
-    POSITION,
-    SPEED,
-    TIME,
-    TRAVEL,
-    Direction,
-    Signal,
-    place_of_axis,
-)
+from exactarm.diagnose.signal import Direction, Quantity, Signal, place_of_axis
 from exactarm.effects.axis_units import of_a_slide, slides
 from exactarm.effects.base import Effect, OwnCurve, Station
 from exactarm.effects.slow_driver import ROW
@@ -65,8 +53,9 @@ _SMALL_RAD = 1e-4  # a turn whose chord is its arc to 1e-9
 _MOST_POINTS = 3000  # of a picture
 _TURN = 2.0 * np.pi
 _PHASE = "phase"
-_UNITS = {ANGLE: "rad", MOTOR_ANGLE: "rad", _PHASE: "rad", LOAD: "Nm", TIME: "s", POSITION: "m", TRAVEL: "m",
-          SPEED: "rad/s", ACCELERATION: "rad/s²"}
+_UNITS = {Quantity.ANGLE: "rad", Quantity.MOTOR_ANGLE: "rad", _PHASE: "rad", Quantity.LOAD: "Nm",
+          Quantity.TIME: "s", Quantity.POSITION: "m", Quantity.TRAVEL: "m", Quantity.SPEED: "rad/s",
+          Quantity.ACCELERATION: "rad/s²"}
 _STATION_UNITS = {Station.MOTOR: "rad", Station.GEAR: "rad", Station.SPRING: "rad", Station.LOAD: "Nm",
                   Station.DRIVE: "Nm"}
 _POSITION = 3  # components of a measured position
@@ -275,11 +264,8 @@ def _at_station(fitted: Fitted, index: int, effect: Effect) -> tuple[np.ndarray,
         return None
     scale = 1.0 / fitted.robot.ratios[change.columns[0]] if effect.station == Station.MOTOR else 1.0
     free = change.by_parameters[:, 0, fitted.layout.free[index]]
-    return change.value[:, 0] * scale, free * scale, _unit_of_axis(fitted.robot, change.columns[0], unit)
-
-
-def _unit_of_axis(robot: Robot, axis: int, unit: str) -> str:
-    return of_a_slide(unit) if slides(robot, axis + 1) else unit
+    unit = of_a_slide(unit) if slides(fitted.robot, change.columns[0] + 1) else unit
+    return change.value[:, 0] * scale, free * scale, unit
 
 
 def _at_measurement(fitted: Fitted, moved: np.ndarray, columns: np.ndarray, direction: np.ndarray, unit: str,
@@ -300,7 +286,7 @@ def _half(fitted: Fitted, slopes: np.ndarray, covariance: np.ndarray) -> np.ndar
 def _told_over(named: dict[Signal, np.ndarray], value: np.ndarray) -> Signal:
     """The signal that the value follows best. Everything smooth follows time, which says nothing of a cause:
     time only where no other signal explains half."""
-    time = Signal(TIME)
+    time = Signal(Quantity.TIME)
     others = {signal: _follows(values, value) + 1e-3 * signal.places_axis
               for signal, values in named.items() if signal != time}
     best = max(others, key=others.__getitem__, default=time)
@@ -314,7 +300,7 @@ def _own_signals(effect: Effect, signals: dict[Signal, np.ndarray], fitted: Fitt
     the error of one axis: those of that axis; else all."""
     driver = Signal(getattr(effect, "driver", ""))
     if driver.quantity == ROW:
-        return {Signal(ORDER): fitted.view.data.row.astype(float)}
+        return {Signal(Quantity.ORDER): fitted.view.data.row.astype(float)}
     if driver in signals:
         return {driver: signals[driver]}
     axis = effect.driven_by
@@ -342,7 +328,7 @@ def _follows(signal: np.ndarray, value: np.ndarray) -> float:
     if variance == 0.0 or np.ptp(signal) == 0.0:
         return 0.0
     distinct, group = np.unique(signal, return_inverse=True)
-    if len(distinct) <= 8:
+    if len(distinct) <= LEVELS:
         mean = np.bincount(group, value) / np.bincount(group)
         return float(np.var(mean[group])) / variance
     # rows of one value in any order: in that of time their neighbours would agree in whatever is smooth

@@ -16,7 +16,7 @@ from exactarm.data.split import DEFAULT_SEED
 from exactarm.diagnose.alternatives import Alternative, alternatives_of, preferred_elsewhere
 from exactarm.diagnose.confusion import next_experiments
 from exactarm.diagnose.contribution import Contribution, contributions
-from exactarm.diagnose.decisions import NAMED_AT
+from exactarm.diagnose.decisions import CLEAR, NAMED_AT
 from exactarm.diagnose.dossier import Dossier, dossier
 from exactarm.diagnose.draft import Draft, drafts_of
 from exactarm.diagnose.fitted import Fitted, rows_undecided
@@ -60,8 +60,6 @@ from exactarm.robot.robot import Robot
 DECLARED, SEARCHING, ALL_ROWS = "the declared model", "searching for causes", "fitting all rows"
 LEFT, NEXT, DRAFTING = "what is left", "the next experiment", "drafting what is left"
 STEPS = (DECLARED, SEARCHING, ALL_ROWS, LEFT, NEXT, DRAFTING)
-
-_SPREADS = 4.0  # a chance of few parameters: times the expected spread
 
 
 @dataclass(frozen=True)
@@ -178,7 +176,8 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     noise = noise_floor(problem, last)
     left = dossier(problem, last)
     had = left if first is last else dossier(problem, first)
-    gone = _gone(errors)
+    # of the validation: left out by the last model, and not by the first
+    gone = np.flatnonzero(np.isfinite(errors[0]["validation"]) & np.isnan(errors[-1]["validation"]))
     between = rows_undecided(last.layout, problem.data, problem.held_out)[gone]
     before, after, tried = ({name: summarise(values[np.isfinite(values)]) for name, values in each.items()}
                             for each in (_without(errors[0], gone[between]), errors[-1], asked.errors[-1]))
@@ -190,7 +189,7 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     progress(NEXT)
     words, experiments = next_experiments(problem, last, findings, alternatives, selection.open_place)
     spread = problem.spread(last)
-    chance = _SPREADS * spread
+    chance = CLEAR * spread
     excess = held_out_excess(errors[-1], problem.error_of_unit_noise(last), chance)
     if causes is None:
         verdict = verdict_by_rules(problem, before, after, noise, left, bool(findings), spread, excess,
@@ -319,11 +318,6 @@ def _search(problem: Problem, declared: Layout, progress: Progress) -> tuple[Sel
     if causes is not None:
         fits[-1] = known_beside(problem, fits[-1], causes.noise, rows)
     return replace(found, fits=tuple(fits)), causes
-
-
-def _gone(errors: list[dict[str, np.ndarray]]) -> np.ndarray:
-    """Validation rows that the last model leaves out and the first did not."""
-    return np.flatnonzero(np.isfinite(errors[0]["validation"]) & np.isnan(errors[-1]["validation"]))
 
 
 def _without(errors: dict[str, np.ndarray], rows: np.ndarray) -> dict[str, np.ndarray]:

@@ -30,26 +30,10 @@ from exactarm.effects.expression import Expression
 from exactarm.numerics.formula import LONGEST, Formula, linear_names
 
 _HARMONICS, _HARMONICS_OF_TWO = range(1, 7), (1, 2)  # the latter: of the waves of two (unknown.py)
-_PLACES = (
-    0.1,
-    0.2,
-    0.3,
-    0.4,
-    0.5,
-    0.6,
-    0.7,
-    0.8,
-    0.9,
-)  # quantiles of the signal at which a kink or step is tried
-_WIDTHS = (
-    0.1,
-    0.16,
-    0.25,
-    0.4,
-    0.63,
-    1.0,
-    1.6,
-)  # of half the signal's range; between two of them a curve moves by a few per cent
+# quantiles of the signal at which a kink or step is tried
+_PLACES = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+# of half the signal's range; between two of them a curve moves by a few per cent
+_WIDTHS = (0.1, 0.16, 0.25, 0.4, 0.63, 1.0, 1.6)
 # of a place that is worn: nearer to each other than its width, and narrow
 _SPOTS, _SPOT_WIDTHS = tuple(np.linspace(0.04, 0.96, 24)), (0.063, 0.1, 0.16, 0.25, 0.4)
 _TERMS, _TERMS_OF_TWO = 8, 3  # of a series: half a wave is then an eighth of the range
@@ -170,13 +154,9 @@ def _numbered(effect: Expression, term: int) -> Expression:
     """With the number of the term behind every parameter: a2, w2."""
     numbered = {name: f"{name}{term}" for name in effect.names}
     names = tuple(numbered.values())
-    form = _renamed(effect.form, numbered)
+    form = re.sub(r"[A-Za-z_]\w*", lambda match: numbered.get(match[0], match[0]), effect.form)
     return replace(effect, form=form, names=names,
                    searched=tuple((numbered[name], grid) for name, grid in effect.searched))
-
-
-def _renamed(text: str, names: dict[str, str]) -> str:
-    return re.sub(r"[A-Za-z_]\w*", lambda match: names.get(match[0], match[0]), text)
 
 
 def _centred(name: str, low: float, high: float) -> str:

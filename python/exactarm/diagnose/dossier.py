@@ -14,16 +14,16 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
+from exactarm.diagnose.decisions import ABSORBED, LEVELS, REMOTE
 from exactarm.diagnose.fitted import Fitted, Products
+from exactarm.diagnose.joint_fit import count_of
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.signal import Direction, Signal
 from exactarm.diagnose.smoothness import closeness, follows_space
 from exactarm.numerics.orthonormal import orthonormal
 
-BINS = 8
 _NUMBERS_IN_SPACE = 750  # more would take long, and not make a structure plainer
 _NEAR = 1.0  # spreads of the points: closer rows might err alike
-SIGNIFICANT = 1e-3
 # Against causes that have names; chosen, not derived: between 1.9e-4, where nothing lacks
 # (test_payload_step.py, springs alone, seed 10: 1e-3 was too large), and 1e-11, where something does
 # (test_backlash.py, seed 2).
@@ -41,7 +41,7 @@ class Follows:
 
     @property
     def significant(self) -> bool:
-        return self.p_value < SIGNIFICANT
+        return self.p_value < REMOTE
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def dossier(problem: Problem, fitted: Fitted) -> Dossier:
     """Tests every signal of the problem along every direction of it; keeps the best direction of each
     signal."""
     residual = fitted.whitened
-    numbers, freedom = fitted.data_numbers, max(_effective(problem, fitted) - fitted.spent, 1.0)
+    numbers, freedom = fitted.data_numbers, count_of(problem, fitted)
     square = float(residual[:numbers] @ residual[:numbers])
     signals, directions = problem.signals(fitted), problem.directions(fitted)
     columns = {signal: indicator(values) for signal, values in signals.items()} | problem.surfaces(fitted)
@@ -89,22 +89,17 @@ def dossier(problem: Problem, fitted: Fitted) -> Dossier:
 def indicator(values: np.ndarray) -> np.ndarray:
     """(N, b) membership of bins of equal count; few distinct values have a bin each."""
     distinct = np.unique(values)
-    if len(distinct) <= BINS:
+    if len(distinct) <= LEVELS:
         return (values[:, None] == distinct).astype(float)
-    edges = np.quantile(values, np.linspace(0.0, 1.0, BINS + 1)[1:-1])
-    return (np.searchsorted(edges, values)[:, None] == np.arange(BINS)).astype(float)
-
-
-def _effective(problem: Problem, fitted: Fitted) -> float:
-    return problem.correlation_factor(fitted) * float(
-        np.count_nonzero(fitted.whitened[: fitted.data_numbers]))
+    edges = np.quantile(values, np.linspace(0.0, 1.0, LEVELS + 1)[1:-1])
+    return (np.searchsorted(edges, values)[:, None] == np.arange(LEVELS)).astype(float)
 
 
 def _test(products: Products, square: float, freedom: float, memory: float) -> tuple[float, float]:
     """p-value and share of the square sum of the residual that these columns explain; memory: how many times
     more of it than of white noise falls on them by chance."""
     values, vectors = np.linalg.eigh(products.normal)
-    keep = values > 1e-6 * max(float(np.max(products.square, initial=0.0)), 1e-300)
+    keep = values > ABSORBED * max(float(np.max(products.square, initial=0.0)), 1e-300)
     rank = int(keep.sum())
     if rank == 0 or freedom <= rank + 1:
         return 1.0, 0.0

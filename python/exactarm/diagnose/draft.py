@@ -5,7 +5,7 @@
 2. The formulas of the dictionary in the signals of an axis are compared by the evidence of the linear picture
    (evidence.py), grids of their non-linear parameters summed over. The first term, and each further one, is
    `LEAST_NATS` more likely than without. A series takes part, and wins where no short formula fits nearly as
-   well (`_SERIES_COSTS`).
+   well (`LEAST_EVIDENCE`).
 3. The winner has to lower the cross-validated square sum over whole poses, or pieces of runs; then everything
    is fitted together through the chain. An axis that no formula describes is left, and the next is tried.
 
@@ -23,24 +23,14 @@ import numpy as np
 
 from exactarm.chain import Layout
 from exactarm.diagnose.cross_validation import folds_of
-from exactarm.diagnose.decisions import DOUBT, LEAST_NATS, MANY_PARAMETERS, NAMED_AT
+from exactarm.diagnose.decisions import DOUBT, DRAFTS, LEAST_EVIDENCE, LEAST_NATS, MANY_PARAMETERS, NAMED_AT
 from exactarm.diagnose.dictionary import forms_of, is_series, sum_of
 from exactarm.diagnose.evidence import Absorbed, Members
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.held_out_evidence import AGAINST, held_out_gains
 from exactarm.diagnose.joint_fit import refit
 from exactarm.diagnose.problem import Problem
-from exactarm.diagnose.signal import (
-    ANGLE,
-    APPROACH,
-    DIRECTION,
-    LOAD,
-    POSITION,
-    TIME,
-    TRAVEL,
-    Signal,
-    Structure,
-)
+from exactarm.diagnose.signal import Quantity, Signal, Structure
 from exactarm.diagnose.standing import errors_of
 from exactarm.diagnose.unknown_axes import UnknownAxes, unknown_axes
 from exactarm.diagnose.vocabulary import vocabulary_of
@@ -51,11 +41,9 @@ from exactarm.noise.model import NoiseModel
 from exactarm.numerics.formula import LONGEST
 from exactarm.robot.robot import Robot
 
-MOST_DRAFTS = 3
 _MOST_TERMS, _MOST_SIGNALS = 3, 3
-_SERIES_COSTS = 5.0  # nats: a short formula up to 150 times less likely is still the one to read and to check
-_IN_FORMULAS = {ANGLE: "q", TRAVEL: "q", LOAD: "torque", APPROACH: "approach",
-                DIRECTION: "approach"}
+_IN_FORMULAS = {Quantity.ANGLE: "q", Quantity.TRAVEL: "q", Quantity.LOAD: "torque",
+                Quantity.APPROACH: "approach", Quantity.DIRECTION: "approach"}
 _PARAMETER = re.compile(r"[abcw]\d*(_\d+)?$")  # what a formula of the dictionary calls its parameters
 _GAPS_TOLD = 3  # of each signal; the file has all
 
@@ -130,7 +118,7 @@ def drafts_of(problem: Problem, declared: Layout, last: Fitted, seen: UnknownAxe
     none describes is left. seen: those beside `last`, where they are known."""
     found: list[Draft] = []
     fitted, seen, left = last, seen or unknown_axes(problem, last), set[int]()
-    while problem.drafts and len(found) < MOST_DRAFTS:
+    while problem.drafts and len(found) < DRAFTS:
         likely = {axis: each[0] for axis, each in seen.likely.items() if axis not in left}
         if not likely or max(likely.values()) < NAMED_AT:
             break
@@ -206,7 +194,8 @@ def _likeliest(fitted: Fitted, absorbed: Absorbed, forms: list[Expression]):
     value = np.array(
         [np.logaddexp.reduce(weight[which == k]) - np.log(np.sum(which == k)) for k in range(len(names))])
     series = {block.label for block in vocabulary.blocks if is_series(block.effect)}
-    top = int(np.argmax(value - _SERIES_COSTS * np.isin(names, list(series))))
+    # a short formula up to 150 times less likely than a series is still the one to read and to check
+    top = int(np.argmax(value - LEAST_EVIDENCE * np.isin(names, list(series))))
     index = int(np.argmax(np.where(which == top, weight, -np.inf)))
     members = Members((index,), (int(additions.scale[index]),))
     block = vocabulary.blocks[index]
@@ -250,9 +239,9 @@ def _in_formulas(signal: Signal) -> str | None:
     name = signal.quantity
     if signal.axis is not None:
         return f"{_IN_FORMULAS[name]}_{signal.axis}" if name in _IN_FORMULAS else None
-    if name == TIME:
+    if name == Quantity.TIME:
         return "time_h"
-    return name if name.isidentifier() and not _PARAMETER.match(name) and name != POSITION else None
+    return name if name.isidentifier() and not _PARAMETER.match(name) and name != Quantity.POSITION else None
 
 
 def _title(effect: Expression, robot: Robot) -> str:

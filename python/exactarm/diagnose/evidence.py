@@ -43,7 +43,6 @@ class Additions:
 
     log_weight: np.ndarray
     scale: np.ndarray
-    gain: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -313,7 +312,7 @@ class Picture:
         weight = special.logsumexp(log_bf, axis=0) + self.log_prior
         weight[unseen] = -np.inf
         weight[list(self.closed)] = -np.inf
-        return Additions(weight, best, gains[best, np.arange(shape[1])])
+        return Additions(weight, best)
 
     def _one_sided(self, index: int, h: np.ndarray, y: np.ndarray, left: np.ndarray) -> np.ndarray:
         """(s,) log of P(b > 0 | r) / P(b > 0), summed over the coefficients that cannot be negative."""

@@ -27,22 +27,10 @@ from exactarm.diagnose.coloured_noise import NOISE_LAG_S
 from exactarm.diagnose.fitted import Fitted, rows_judged
 from exactarm.diagnose.next_runs import separating_run
 from exactarm.diagnose.problem import Problem
-from exactarm.diagnose.problem_in_time import ProblemInTime
+from exactarm.diagnose.problem_in_time import LEAST_SIGMA, ProblemInTime
 from exactarm.diagnose.resampled_run import resampled_run, with_reading
 from exactarm.diagnose.scan import free_mask
-from exactarm.diagnose.signal import (
-    ANGLE,
-    DIRECTION,
-    LOAD,
-    MOTOR_ANGLE,
-    TRAVEL,
-    Direction,
-    Signal,
-    Structure,
-    axis_of,
-    measured_of,
-    turn_of,
-)
+from exactarm.diagnose.signal import Direction, Quantity, Signal, Structure, axis_of, measured_of, turn_of
 from exactarm.diagnose.time_groups import time_groups
 from exactarm.diagnose.unknown import Pattern, Wave
 from exactarm.diagnose.wave_in_time import WaveInTime
@@ -61,7 +49,6 @@ from exactarm.robot.robot import Robot
 from exactarm.station import Station
 from exactarm.view import axes_not_logged
 
-_LEAST_SIGMA = 1e-12
 _RUNS_OF_A_SORT = 4
 # of a run where noise drifts: a slow error, or a resonance that is passed, goes on over shorter ones
 _LONG_PIECES = 5
@@ -86,7 +73,8 @@ class GearProblem(ProblemInTime):
     unit, error_along = "rad/s", " along the moving axis"
     most_waves_in_time = 3
     unknown_rivals = drafts = True
-    followed_by_effects = frozenset({ANGLE, TRAVEL, LOAD, DIRECTION, MOTOR_ANGLE})
+    followed_by_effects = frozenset({Quantity.ANGLE, Quantity.TRAVEL, Quantity.LOAD, Quantity.DIRECTION,
+                                     Quantity.MOTOR_ANGLE})
     repeat_source = "spectrum of the residual without its lines"
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
@@ -167,7 +155,7 @@ class GearProblem(ProblemInTime):
         white = residual if drift is None else drift.white(residual)
         return GearFitted(robot=self.robot, layout=found.layout, fit=found.fit, residual=residual,
                           jacobian=prediction.jacobian,
-                          sigma=np.maximum(np.sqrt(np.mean(white[keep] ** 2, axis=0)), _LEAST_SIGMA),
+                          sigma=np.maximum(np.sqrt(np.mean(white[keep] ** 2, axis=0)), LEAST_SIGMA),
                           weight=keep.astype(float), view=prediction.view, drift=drift)
 
     def settled(self, fitted: Fitted) -> Fitted:

@@ -27,14 +27,14 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import special
 
+from exactarm.diagnose.decisions import ROUNDING, UNLIKELY
 from exactarm.diagnose.vocabulary import UNKNOWN_MASS
 from exactarm.noise.estimate import FREEDOMS
 
-AGAINST = float(-np.log(20.0))  # nats: see above
+AGAINST = float(np.log(UNLIKELY))  # nats: see above
 FORM = 0.25  # of its size, by which a right effect may differ elsewhere: gears are not the same all around
 _MOST = 500.0  # nats: beyond, numbers overflow
 _PASSES = 60
-_SAME = 1e-6  # relative change of the variance that ends its estimate
 
 
 def held_out_gains(errors: Sequence[dict[str, np.ndarray]], numbers: int, share: float) -> tuple[float, ...]:
@@ -105,7 +105,7 @@ def spread_of(errors: np.ndarray, numbers: int, freedom: float) -> tuple[float, 
     for _ in range(_PASSES if np.isfinite(freedom) and variance > 0.0 else 0):
         weight = (freedom + numbers) / (freedom + square / variance)
         new = float(np.mean(weight * square)) / numbers
-        done = abs(new / variance - 1.0) < _SAME
+        done = abs(new / variance - 1.0) < ROUNDING
         variance = new
         if done:
             break

@@ -32,7 +32,7 @@ from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.next_motions import separating_motion
 from exactarm.diagnose.problem_in_time import ProblemInTime
 from exactarm.diagnose.scan import free_mask
-from exactarm.diagnose.signal import DIRECTION, SPEED, Direction, Signal, Structure, measured_of
+from exactarm.diagnose.signal import Direction, Quantity, Signal, Structure, measured_of
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.base_parameters import base_parameters
 from exactarm.identify.declared import carried_layout, require_geometry
@@ -119,7 +119,7 @@ class MotionProblem(ProblemInTime):
     unit = "Nm"
     kind = MOTION.name
     unknown_rivals = True
-    followed_by_effects = frozenset({SPEED, DIRECTION})  # by frictions
+    followed_by_effects = frozenset({Quantity.SPEED, Quantity.DIRECTION})  # by frictions
     unknown_size = 1.0  # Nm: a third of what the library holds plausible of a friction
 
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):

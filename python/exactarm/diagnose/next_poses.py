@@ -21,7 +21,7 @@ from exactarm.data.kinds import POSES
 from exactarm.design.pose_space import Box, PoseSpace
 from exactarm.diagnose.cause_information import Field, Hypothesis, chosen_for
 from exactarm.diagnose.confusion import Place
-from exactarm.diagnose.decisions import WIDE
+from exactarm.diagnose.decisions import CREDIBLE, DOUBT, WIDE
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.scan import free_mask, linear_columns
 from exactarm.effects.base import Effect
@@ -34,8 +34,6 @@ MINUTES = MappingProxyType({"visit": 0.25, "payload": 5.0})
 _LISTED = 4  # poses in a sentence
 _CANDIDATES = 200
 _MOST_POSES = 24
-_ENOUGH = 0.95  # of what is open
-_LEAST = 0.01  # of what is open, for one more pose: thirty seconds that tell less are better spent otherwise
 _LITTLE = 0.3  # of what is open: below it an experiment does not part the causes
 _RIDGE = 1e-9  # of a column's square sum
 
@@ -103,21 +101,16 @@ def next_poses(robot: Robot, fitted: Fitted, places: Sequence[Place], seed: int)
     found = []
     for payload in (0.0, PAYLOAD_KG) if robot.links is not None else (0.0,):
         fields, rows = _seen(robot, fitted, states, q, payload)
-        chosen, _ = chosen_for(fields, rows, _MOST_POSES, _ENOUGH, _LEAST)
+        # thirty seconds at one more pose that tell less than DOUBT of what is open are better spent otherwise
+        chosen, _ = chosen_for(fields, rows, _MOST_POSES, CREDIBLE, DOUBT)
         unknown = sum(f.entropy for f in fields)
         for count in range(1, len(chosen) + 1):
             bits = _simulated(fields, rows, chosen[:count], seed)
-            if bits >= _ENOUGH * unknown:
+            if bits >= CREDIBLE * unknown:
                 break
         found.append(Experiment(q[chosen[:count]], payload, bits, unknown,
                                 "; ".join(place.titles for place in places)))
     return tuple(sorted(found, key=lambda e: (not e.parts, -e.bits_per_minute())))
-
-
-def told_by(robot: Robot, fitted: Fitted, places: Sequence[Place], q: np.ndarray, payload_kg: float) -> float:
-    """The bits that any poses q (K, n) would tell about the causes, approached from both directions."""
-    fields, rows = _seen(robot, fitted, [_State.of(fitted, place) for place in places], q, payload_kg)
-    return _simulated(fields, rows, list(range(len(q))), 0)
 
 
 def _seen(robot: Robot, fitted: Fitted, states: list[_State], q: np.ndarray,
@@ -148,7 +141,6 @@ class _State:
     own: for every cause, which columns are its own.
     """
 
-    place: Place
     keep: np.ndarray
     effects: tuple[Effect, ...]
     probabilities: tuple[float, ...]
@@ -178,7 +170,7 @@ class _State:
             prior.append(1.0 / np.square(sizes))
             own.append(slice(at, at + cause.shape[1]))
             at += cause.shape[1]
-        return _State(place, keep, effects, probabilities, columns.T @ columns, columns.T @ base.whitened,
+        return _State(keep, effects, probabilities, columns.T @ columns, columns.T @ base.whitened,
                       np.concatenate(prior), tuple(own))
 
     def rows(self, view: View, fitted: Fitted) -> np.ndarray:

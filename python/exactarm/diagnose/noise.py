@@ -14,15 +14,13 @@ import numpy as np
 import scipy  # scipy.spatial is imported at its first use
 
 from exactarm.data.kinds import kind_of
+from exactarm.diagnose.decisions import FEW, ROUNDING, SURE
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.problem import Problem
 
 _CLOSE_RAD = 0.02
-_COPIED = 1e-6  # of the noise that is taken for that of repeats: their differences are rounding
 _LEAST_PAIRS = 20
-_GROSS = 5.0  # robust standard deviations: one good number in two millions lies beyond
 _ROUNDING_SHARE = 0.1  # of the floor from repeats: less changes it by half a per cent
-_FEW = 0.1  # of the groups; where more scatter so, it is noise
 
 
 @dataclass(frozen=True)
@@ -38,7 +36,7 @@ def noise_floor(problem: Problem, final: Fitted) -> NoiseFloor:
     """The best estimate that the data allow."""
     unit = problem.error_of_unit_noise(final)
     repeats = problem.repeat_noise(final)
-    if repeats is not None and repeats < _COPIED:  # one measurement, written twice: it has no scatter to show
+    if repeats is not None and repeats < ROUNDING:  # one measurement, written twice: it shows no scatter
         unit *= float(np.sqrt(1.0 + getattr(final.noise, "shared", 0.0)))
     elif repeats is not None:
         # A model of many terms may follow the repeats a little closer than their own scatter.
@@ -82,7 +80,8 @@ def repeat_scatter(white: np.ndarray, group: np.ndarray) -> float:
     spread = 1.4826 * np.median(np.abs(inside[repeated[group]]))
     worst = np.zeros(len(counts))
     np.maximum.at(worst, group, np.max(np.abs(inside), axis=1))
-    gross = repeated & (worst > _GROSS * spread)
-    chosen = repeated & ~gross if gross.sum() <= _FEW * repeated.sum() else repeated
+    gross = repeated & (worst > SURE * spread)
+    # where more of them scatter so, it is noise
+    chosen = repeated & ~gross if gross.sum() <= FEW * repeated.sum() else repeated
     squares = np.sum((white - means[group])[chosen[group]] ** 2)
     return float(np.sqrt(squares / (3.0 * (counts[chosen] - 1).sum())))

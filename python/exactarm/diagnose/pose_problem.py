@@ -16,7 +16,7 @@ from exactarm.diagnose.next_poses import next_poses, sentence_of
 from exactarm.diagnose.pose_fitted import PoseFitted
 from exactarm.diagnose.problem_at_rest import ProblemAtRest
 from exactarm.diagnose.quantisation import rounding_of_angles
-from exactarm.diagnose.signal import PLACE, POSITION, Direction, Signal, axis_of, tilt_of, turn_of
+from exactarm.diagnose.signal import Direction, Quantity, Signal, axis_of, tilt_of, turn_of
 from exactarm.effects.base import Station
 from exactarm.effects.moving_frames import MovingFrames, turned_about
 from exactarm.errors import ComputationError
@@ -120,13 +120,13 @@ class PoseProblem(ProblemAtRest):
     def signals(self, fitted: Fitted) -> dict[Signal, np.ndarray]:
         position = fitted.view.signals["target"]
         return super().signals(fitted) | {
-            Signal(POSITION, part=axis): position[:, k] for k, axis in enumerate("xyz")}
+            Signal(Quantity.POSITION, part=axis): position[:, k] for k, axis in enumerate("xyz")}
 
     def space(self, fitted: Fitted) -> tuple[Signal, np.ndarray]:
         """Where the target is; set-ups stand far apart."""
         target, session = fitted.view.signals["target"], self.data.session
         spread = np.sqrt(np.mean(np.var(target, axis=0)))
-        return Signal(PLACE), np.column_stack([target / spread, 100.0 * session])
+        return Signal(Quantity.PLACE), np.column_stack([target / spread, 100.0 * session])
 
     def directions(self, fitted: Fitted) -> dict[Direction, np.ndarray]:
         view, m = fitted.view, fitted.residual.shape[1]

@@ -18,14 +18,14 @@ from scipy import special
 
 from exactarm.chain import Layout
 from exactarm.diagnose.cross_validation import folds_of
-from exactarm.diagnose.decisions import CONFIRMED, CREDIBLE, DOUBT, NAMED_AT
+from exactarm.diagnose.decisions import CERTAIN, CONFIRMED, CREDIBLE, DOUBT, NAMED_AT
 from exactarm.diagnose.evidence import Members, Picture
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.idle_causes import idle_places, least_told
 from exactarm.diagnose.joint_fit import candidates_for, refit
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import Candidate
-from exactarm.diagnose.search import CERTAIN, Posterior, log_prior_of_count, weight_of
+from exactarm.diagnose.search import Posterior, log_prior_of_count, weight_of
 from exactarm.diagnose.search_round import MOST_AT_ONCE, At, Found, score_of, search_round
 from exactarm.diagnose.selected import UNKNOWN, Accepted, Selection
 from exactarm.diagnose.self_test import SelfTest, self_test
@@ -366,7 +366,8 @@ def _confirmed(problem, declared, chosen, fitted, found: Found, places: list[Pla
     while places:
         effects = [*chosen, *(place.effect for place in places)]
         trial = refit(problem, declared, effects, fitted, found.noise)
-        before, after = (_weighted_square(found.noise, at.residual) for at in (fitted, trial))
+        before, after = (float(np.sum(found.noise.whiten(at.residual[:, :, None]) ** 2))
+                         for at in (fitted, trial))
         left = lambda kept: found.picture.quadratic(_only(found, kept))[1]
         promised = left([]) - left(places)
         idle = [k - len(chosen) for k in idle_places(trial, declared) if k >= len(chosen)]
@@ -387,7 +388,3 @@ def _only(found: Found, places: list[Place]) -> Members:
             wanted.remove(one)
             kept.append((i, s))
     return Members(tuple(i for i, _ in kept), tuple(s for _, s in kept))
-
-
-def _weighted_square(noise: NoiseModel, residual: np.ndarray) -> float:
-    return float(np.sum(noise.whiten(residual[:, :, None]) ** 2))

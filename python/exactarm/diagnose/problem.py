@@ -14,7 +14,7 @@ from exactarm.chain import Layout
 from exactarm.data.dataset import Dataset
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.in_space import InSpace
-from exactarm.diagnose.signal import APPROACH, Direction, Signal, Structure
+from exactarm.diagnose.signal import Direction, Quantity, Signal, Structure
 from exactarm.diagnose.unknown import AMPLITUDE, Function, Pattern, Wave, unknown_functions
 from exactarm.effects import library
 from exactarm.effects.base import Effect
@@ -156,7 +156,7 @@ class Problem(ABC):
         found: list[Wave] = []
         for sign, orders in (("same", searched_orders), ("other", orders_by_side)):
             for i in np.flatnonzero(fitted.view.moving) if sign not in self._known_waves else ():
-                side = Signal(APPROACH, int(i) + 1) if sign == "other" else None
+                side = Signal(Quantity.APPROACH, int(i) + 1) if sign == "other" else None
                 found += [Wave(int(i) + 1, order, side) for order in orders(self.robot, fitted.view, i)]
         return found
 

@@ -14,7 +14,7 @@ from exactarm.data.split import pose_groups, pose_split
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.noise import repeat_scatter
 from exactarm.diagnose.problem import Problem
-from exactarm.diagnose.signal import APPROACH, LOAD, ORDER, TIME, TWO_ANGLES, Signal, place_of_axis
+from exactarm.diagnose.signal import Quantity, Signal, place_of_axis
 from exactarm.diagnose.smoothness import second_order
 from exactarm.identify.declared import require_geometry
 from exactarm.identify.repeats import worth_of_rows
@@ -78,18 +78,18 @@ class ProblemAtRest(Problem):
         view, data = fitted.view, self.data
         moves = self._moving(fitted)
         signals = {place_of_axis(self.robot, i + 1): view.q[:, i] for i in np.flatnonzero(moves)}
-        signals |= {Signal(LOAD, i + 1): view.torque[:, i] for i in range(view.axes)
+        signals |= {Signal(Quantity.LOAD, i + 1): view.torque[:, i] for i in range(view.axes)
                     if np.ptp(view.torque[:, i]) > 0}
         directions = view.direction
-        signals |= {Signal(APPROACH, i + 1): directions[:, i] for i in np.flatnonzero(moves)
+        signals |= {Signal(Quantity.APPROACH, i + 1): directions[:, i] for i in np.flatnonzero(moves)
                     if np.ptp(directions[:, i]) > 0}
         order = data.time if data.time is not None else np.arange(len(data), dtype=float)
-        signals[Signal(TIME if data.time is not None else ORDER)] = order
+        signals[Signal(Quantity.TIME if data.time is not None else Quantity.ORDER)] = order
         return signals | {Signal(name): values for name, values in data.covariates.items()
                           if np.ptp(values) > 0}
 
     def surfaces(self, fitted: Fitted) -> dict[Signal, np.ndarray]:
-        return {Signal(TWO_ANGLES): second_order(fitted.view.q[:, self._moving(fitted)])}
+        return {Signal(Quantity.TWO_ANGLES): second_order(fitted.view.q[:, self._moving(fitted)])}
 
     def _moving(self, fitted: Fitted) -> np.ndarray:
         """(n,) bool: axes that move. What the angle of one at rest scatters by is no place of its gear."""

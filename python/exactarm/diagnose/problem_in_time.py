@@ -19,16 +19,7 @@ from exactarm.diagnose.coloured_noise import ColouredNoise, NoiseMemory
 from exactarm.diagnose.decisions import RESPONDING
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.problem import Problem
-from exactarm.diagnose.signal import (
-    ACCELERATION,
-    DIRECTION,
-    LOAD,
-    MOTOR_ANGLE,
-    SPEED,
-    TIME,
-    Signal,
-    place_of_axis,
-)
+from exactarm.diagnose.signal import Quantity, Signal, place_of_axis
 from exactarm.diagnose.time_groups import run_groups, stretches_of_response, time_groups
 from exactarm.identify.declared import all_effects, with_estimates
 from exactarm.numerics.regression import gram_inverse
@@ -36,6 +27,8 @@ from exactarm.robot.robot import Robot
 from exactarm.view import View
 
 _SPREAD_ROWS = 300  # a mean over them: more tell the same
+
+LEAST_SIGMA = 1e-12  # of a component: of exact data nothing is left
 
 
 class ProblemInTime(Problem):
@@ -72,18 +65,19 @@ class ProblemInTime(Problem):
         signals = {}
         for i in axes:
             signals[place_of_axis(self.robot, i + 1)] = view.q[:, i]
-            signals[Signal(DIRECTION, i + 1)] = direction[:, i]
-            signals[Signal(SPEED, i + 1)] = rate[:, i]
+            signals[Signal(Quantity.DIRECTION, i + 1)] = direction[:, i]
+            signals[Signal(Quantity.SPEED, i + 1)] = rate[:, i]
             if "theta_ddot" in view.signals:
-                signals[Signal(ACCELERATION, i + 1)] = view.signals["theta_ddot"][:, i]
-            signals[Signal(LOAD, i + 1)] = view.torque[:, i]
+                signals[Signal(Quantity.ACCELERATION, i + 1)] = view.signals["theta_ddot"][:, i]
+            signals[Signal(Quantity.LOAD, i + 1)] = view.torque[:, i]
             # of what a motor repeats every turn one turn tells nothing: its angle is that of the axis; and of
             # waves that fold back nobody knows the order
             shown = self.motors_within_revolutions and not view.folded[i]
             if shown and np.ptp(view.theta[:, i]) > 4.0 * np.pi:
                 within = np.mod(view.theta[:, i], 2.0 * np.pi)
-                signals[Signal(MOTOR_ANGLE, i + 1, "within a revolution")] = within
-        signals |= {Signal(TIME): data.time} | {Signal(name): each for name, each in data.covariates.items()}
+                signals[Signal(Quantity.MOTOR_ANGLE, i + 1, "within a revolution")] = within
+        signals[Signal(Quantity.TIME)] = data.time
+        signals |= {Signal(name): each for name, each in data.covariates.items()}
         return {name: values for name, values in signals.items() if np.ptp(values) > 0.0}
 
     def _counted(self, fitted: Fitted, known: NoiseMemory, step: float) -> Fitted:

@@ -12,14 +12,13 @@ import numpy as np
 
 from exactarm.data.copied_rows import step_of as written_in
 from exactarm.data.dataset import Dataset
+from exactarm.diagnose.decisions import LEVELS, SURE
 from exactarm.effects.base import Station
 from exactarm.robot.robot import Robot
 from exactarm.view import View
 
-_LEAST_VALUES = 8  # distinct ones: fewer may lie on a grid by choice (commanded steps), which is no rounding
 _ENOUGH_VALUES = 500  # neighbours: each tells a grid as well as the next, and few are quick
 _EXACT = 1e-9  # rad: a difference below it is nothing
-_SURE = 5.0  # standard deviations of a grid, each step's being a digit / sqrt(6)
 _TOLD = 0.2  # of a grid: what is not known to so much of it is told from no grid by chance
 _LEAST_STEP = 1e-7  # rad: a finer step moves no arm by a micrometre
 _LEAST_MOVED_M = 1e-6  # RMS over the poses: below it no tracker sees the rounding
@@ -31,12 +30,10 @@ _LARGEST_STEP_RAD = 2.0 * np.pi / 1024.0
 def step_of(values: np.ndarray) -> float:
     """Step (in the unit of the values) of a quantised column (N,), 0 where it is not quantised."""
     distinct = np.unique(values[np.isfinite(values)])
-    if len(distinct) < _LEAST_VALUES:
-        return 0.0
     middle = max(len(distinct) - _ENOUGH_VALUES, 0) // 2
     steps = np.sort(np.diff(distinct[middle : middle + _ENOUGH_VALUES]))
     steps = steps[steps > _EXACT].tolist()
-    if len(steps) + 1 < _LEAST_VALUES:
+    if len(steps) + 1 < LEVELS:  # so few may lie on a grid by choice (commanded steps), which is no rounding
         return 0.0
     digit = max(unit * written_in(distinct / unit) for unit in (1.0, np.pi / 180.0))
     arithmetic = 8.0 * np.finfo(float).eps * float(np.max(np.abs(distinct)))
@@ -68,7 +65,8 @@ def _agreed(steps: list[float], grid: float, wrong: float, digit: float) -> tupl
             return grid, allowed, max(rest, digit)
         onto, square = onto + count * step, square + count * count
         if square:
-            grid, wrong = onto / square, _SURE * digit / np.sqrt(6.0 * square)
+            # each step's standard deviation is a digit / sqrt(6)
+            grid, wrong = onto / square, SURE * digit / np.sqrt(6.0 * square)
     return grid, wrong, 0.0
 
 

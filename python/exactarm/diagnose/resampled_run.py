@@ -90,7 +90,6 @@ def _highest_frequency(robot: Robot, record: GearRecord) -> float:
     fastest = np.max(np.abs(record.theta_dot), axis=0, initial=0.0) / (2.0 * np.pi)
     highest = 0.0
     for joint, rate in zip(robot.joints, fastest):
-        tables = [table.order for table in (joint.cw, joint.ccw) if table is not None and table.order.size]
-        declared = 1.2 * np.max(np.concatenate(tables)) / abs(joint.ratio) if tables else 0.0
+        declared = 1.2 * joint.highest_order / abs(joint.ratio) if joint.has_harmonics else 0.0
         highest = max(highest, max(_MOTOR_ORDERS, declared) * rate)
     return max(highest, _LEAST_HZ)

@@ -18,20 +18,18 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import special
 
+from exactarm.diagnose.decisions import CERTAIN
 from exactarm.diagnose.evidence import Members, Picture
 from exactarm.diagnose.vocabulary import SCALE_WEIGHTS
 
-MOST_CAUSES = 16  # in one set
 # Odds of one cause against none, and of one more beside what has been found. With 0.6 for both, of 15
 # statements between 0.5 and 0.98 on blind poses (bench/blind, 91400 to 91552) four were right, 0.78 stated;
 # of the eleven others nine stood beside a right one.
 FIRST, FURTHER = 0.6, 0.2
-CERTAIN = 20.0  # nats: 1 in 5e8
 _KEPT_NATS = 9.0  # below the best set: 1 in 8,000
 # sets looked around, and sets scored with every further cause: more changed no marks
 _EXPANSIONS, _SCORED = 24, 60
 _CHILDREN = 6
-_RECORDED_NATS = 20.0  # lighter sets count for nothing in any probability that is printed
 
 
 @dataclass
@@ -76,7 +74,7 @@ def log_prior_of_count(count: int, known: int = 0) -> float:
     return float(law + count * np.log(FURTHER) + special.gammaln(count + 1))
 
 
-def search(picture: Picture, most: int = MOST_CAUSES) -> tuple[Members, Posterior]:
+def search(picture: Picture, most: int) -> tuple[Members, Posterior]:
     """Causes that are certain, one after another, and the posterior over all that could act beside them.
 
     A cause is certain where every other one that explains the same (its weight falls by half beside it) is
@@ -232,7 +230,7 @@ class _Search:
         self.looked_at[members] = (own, children, base)
         count, known = len(own), self.picture.known
         base = base + log_prior_of_count(count + 1, known) - log_prior_of_count(count, known)
-        least = self.posterior.weights[self.posterior.best] - _RECORDED_NATS
+        least = self.posterior.weights[self.posterior.best] - CERTAIN  # lighter ones count for nothing
         for rank, (value, label, index, scale) in enumerate(children):
             if base + value < least and rank >= _CHILDREN:
                 break

@@ -37,7 +37,6 @@ _SAME_SCALE = 0.3
 class At:
     """One fit as the search sees it; known: causes in it."""
 
-    fitted: Fitted
     residual: np.ndarray
     jacobian: np.ndarray
     vocabulary: Vocabulary
@@ -46,7 +45,7 @@ class At:
 
     @staticmethod
     def of(problem: Problem, fitted: Fitted, vocabulary: Vocabulary, known: int = 0) -> At:
-        return At(fitted, fitted.residual, fitted.jacobian, vocabulary, problem.groups(), known)
+        return At(fitted.residual, fitted.jacobian, vocabulary, problem.groups(), known)
 
     @cached_property
     def declared(self) -> np.ndarray:

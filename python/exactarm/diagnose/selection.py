@@ -19,7 +19,7 @@ from exactarm.diagnose.bagging import bagged_contest
 from exactarm.diagnose.cluster_robust import robust_evidence
 from exactarm.diagnose.contest import PAIRED, contest, differs
 from exactarm.diagnose.cross_validation import CrossValidation, folds_of
-from exactarm.diagnose.decisions import CONFIRMED, LEAST_EVIDENCE, NAMED_AT
+from exactarm.diagnose.decisions import CERTAIN, CONFIRMED, LEAST_EVIDENCE, NAMED_AT
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.forms import forms_of, parts_of_one_wave, same_family
 from exactarm.diagnose.gear_curves import with_curves
@@ -34,7 +34,7 @@ from exactarm.effects.base import Effect
 
 MOST_EFFECTS = 16
 _SHORTLIST = 12
-_INDEPENDENT_SHARE, _INDEPENDENT_EVIDENCE = 0.8, 20.0
+_INDEPENDENT_SHARE = 0.8
 _HIDDEN_GAIN = 1.5  # gain of the second beside the first, over what both promised alone
 _MOST_ANEW = 2  # searches with more declared parameters than the one before
 
@@ -153,7 +153,7 @@ def _best_addition(problem, declared, chosen, fitted, ranking):
 def _evidence(problem: Problem, fitted: Fitted, candidate: Candidate) -> float:
     """The candidate's evidence; where groups of rows are independent, not more than their scatter allows."""
     effect = candidate.effect
-    if candidate.evidence < LEAST_EVIDENCE or not problem.groups_independent or effect.excludes_rows():
+    if not problem.groups_independent or effect.excludes_rows():
         return candidate.evidence
     columns = linear_columns(fitted, effect)
     return robust_evidence(fitted, candidate, columns, problem.groups(), count_of(problem, fitted))
@@ -274,7 +274,7 @@ def _independent(problem, fitted, shortlist: list[Candidate], parted) -> list[Ef
     group = [shortlist[0].effect]
     beside, count = fitted.beside(linear_columns(fitted, shortlist[0].effect)), count_of(problem, fitted)
     for candidate in shortlist[1:]:
-        if candidate.evidence < _INDEPENDENT_EVIDENCE or candidate.effect.excludes_rows():
+        if candidate.evidence < CERTAIN or candidate.effect.excludes_rows():
             continue
         found = scan(beside, [emptied(candidate.effect)], count)[0]
         independent = found.gain >= _INDEPENDENT_SHARE * candidate.gain

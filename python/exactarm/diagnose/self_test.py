@@ -17,12 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from exactarm.diagnose.decisions import CLEAR, CREDIBLE
+from exactarm.diagnose.decisions import CLEAR, CREDIBLE, DRAWS, INVISIBLE
 from exactarm.diagnose.evidence import Picture
 from exactarm.diagnose.search import log_prior_of_count
 from exactarm.diagnose.vocabulary import SCALE_WEIGHTS, SCALES
 
-DRAWS = 400
 _PLANTED = 200
 _CAUSES = 20  # planted in turn: the ones that this design shows best
 _STRIP = 512  # columns worked on at once
@@ -94,7 +93,7 @@ def _weights(picture: Picture, onto: np.ndarray, square: np.ndarray) -> np.ndarr
             log_bf = -0.5 * np.sum(np.log1p(scale**2 * values), axis=1)[:, None]
             log_bf = log_bf - 0.5 * picture.count * np.log(np.maximum(1.0 - gain / square, 1e-12))
             total = np.logaddexp(total, log_bf + np.log(weight))
-        total[values[:, -1] < 1e-6] = -np.inf
+        total[values[:, -1] < INVISIBLE**2] = -np.inf
         found[indices] = total + picture.log_prior[indices][:, None]
     return found
 

@@ -4,15 +4,19 @@ report."""
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import StrEnum
 
 from exactarm.effects.axis_units import slides
 from exactarm.robot.robot import Robot
 
-# Quantities; every other one is a covariate by its name.
-ANGLE, TRAVEL, LOAD, APPROACH = "angle", "travel", "load", "approach"
-DIRECTION, SPEED, ACCELERATION, MOTOR_ANGLE = "direction", "speed", "acceleration", "motor angle"
-TWO_ANGLES, POSITION, PLACE = "angles of two axes together", "position", "position in the workspace"
-TIME, ORDER = "time", "order of measurement"
+
+class Quantity(StrEnum):
+    """What a signal is of; every other quantity is a covariate by its name."""
+
+    ANGLE, TRAVEL, LOAD, APPROACH = "angle", "travel", "load", "approach"
+    DIRECTION, SPEED, ACCELERATION, MOTOR_ANGLE = "direction", "speed", "acceleration", "motor angle"
+    TWO_ANGLES, POSITION, PLACE = "angles of two axes together", "position", "position in the workspace"
+    TIME, ORDER = "time", "order of measurement"
 
 
 @dataclass(frozen=True)
@@ -31,21 +35,22 @@ class Signal:
     @property
     def places_axis(self) -> bool:
         """Where an axis stands."""
-        return self.quantity in (ANGLE, TRAVEL)
+        return self.quantity in (Quantity.ANGLE, Quantity.TRAVEL)
 
     @property
     def of_posture(self) -> bool:
         """What comes again with the arm's pose, whenever it is measured."""
-        return self.places_axis or self.quantity in (LOAD, TWO_ANGLES, POSITION, PLACE)
+        return self.places_axis or self.quantity in (
+            Quantity.LOAD, Quantity.TWO_ANGLES, Quantity.POSITION, Quantity.PLACE)
 
     @property
     def of_time(self) -> bool:
-        return self.quantity in (TIME, ORDER)
+        return self.quantity in (Quantity.TIME, Quantity.ORDER)
 
 
 def place_of_axis(robot: Robot, joint: int) -> Signal:
     """Of an axis (from 1): its angle, or its travel where it slides."""
-    return Signal(TRAVEL if slides(robot, joint) else ANGLE, joint)
+    return Signal(Quantity.TRAVEL if slides(robot, joint) else Quantity.ANGLE, joint)
 
 
 @dataclass(frozen=True)

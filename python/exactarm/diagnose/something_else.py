@@ -28,7 +28,7 @@ from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import grid, regularised_gain
 from exactarm.diagnose.search import log_prior_of_count
-from exactarm.diagnose.signal import PLACE, POSITION, TRACKER, Direction, Signal, Structure
+from exactarm.diagnose.signal import TRACKER, Direction, Quantity, Signal, Structure
 from exactarm.diagnose.unknown import AMPLITUDE, Unknown, Wave, functions_of_waves, unknown_functions
 from exactarm.diagnose.vocabulary import DESCRIBED, SCALE_WEIGHTS, SCALES, UNKNOWN_MASS
 from exactarm.effects.base import Effect
@@ -116,10 +116,10 @@ def columns_of_unknown(problem: Problem, without: Fitted, unknown: Unknown,
                        count: float) -> tuple[np.ndarray, np.ndarray]:
     """Whitened columns (R, k) of an unknown function, and the sizes (k,) of their coefficients that are
     likeliest."""
-    along, place = unknown.direction, Signal(PLACE) in unknown.signals
+    along, place = unknown.direction, Signal(Quantity.PLACE) in unknown.signals
     part = {name: pattern for name, pattern in problem.movements(without).items()
             if name == along or along == TRACKER and name.of_tracker}
-    asked = lambda signal, _: signal in unknown.signals or place and signal.quantity == POSITION
+    asked = lambda signal, _: signal in unknown.signals or place and signal.quantity == Quantity.POSITION
     made = _functions(problem, problem.signals(without), part, [unknown.wave] if unknown.wave else [], asked)
     response, sizes = next(each for own, *each in made if own == unknown)
     added = _Added.to(without, without.whiten(response))

@@ -12,8 +12,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from exactarm.diagnose.decisions import ENOUGH_GROUPS
+
 _PIECES = 20
-_RUNS_ENOUGH = 5
 # of what is told, lost without one group: what the others tell is ten times less sure than the effect there
 _SEEN_ONCE = 0.9
 _LEAST_STRETCHES, _ROWS_OF_NOISE = 4, 2.0  # a stretch lasts as long as noise remembers, twice
@@ -21,7 +22,7 @@ _LEAST_STRETCHES, _ROWS_OF_NOISE = 4, 2.0  # a stretch lasts as long as noise re
 
 def run_groups(run: np.ndarray) -> np.ndarray:
     """(N,) whole runs where there are several, else pieces of each."""
-    return run if np.unique(run).size >= _RUNS_ENOUGH else time_groups(run)
+    return run if np.unique(run).size >= ENOUGH_GROUPS else time_groups(run)
 
 
 def time_groups(run: np.ndarray, pieces: int = _PIECES) -> np.ndarray:

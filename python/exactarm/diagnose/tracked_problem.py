@@ -18,17 +18,8 @@ from exactarm.diagnose.coloured_noise import ColouredNoise
 from exactarm.diagnose.fitted import Fitted, rows_kept
 from exactarm.diagnose.next_motions import separating_motion
 from exactarm.diagnose.not_noise import WANDERS_AT
-from exactarm.diagnose.problem_in_time import ProblemInTime
-from exactarm.diagnose.signal import (
-    PLACE,
-    POSITION,
-    TWO_ANGLES,
-    Direction,
-    Signal,
-    Structure,
-    axis_of,
-    turn_of,
-)
+from exactarm.diagnose.problem_in_time import LEAST_SIGMA, ProblemInTime
+from exactarm.diagnose.signal import Direction, Quantity, Signal, Structure, axis_of, turn_of
 from exactarm.diagnose.smoothness import second_order
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.calibrate import calibrated_robot, identifiable_layout, require_sessions
@@ -50,7 +41,6 @@ from exactarm.robot.robot import Robot
 # a path is played again: its motor angles, over their ratios, differ by less at every sample
 _SAME_PATH_RAD = 1e-3
 _LEAST_REPEATED = 100  # samples
-_LEAST_SIGMA = 1e-12
 _LEAST_SEEN = 1e-7  # m: a tracker resolves no less; below, it is the arithmetic of exact data
 # s: memory of a filtered reading, and of what moves with the arm as it goes by
 _REMEMBERED_S, _WANDERS_S = 0.25, 2.0
@@ -157,7 +147,7 @@ class TrackedProblem(ProblemInTime):
         view.signals["residual"] = residual
         fitted = TrackedFitted(
             robot=self.robot, layout=found.layout, fit=found.fit, residual=residual,
-            jacobian=prediction.jacobian[:, :3], sigma=np.full(3, max(found.sigma, _LEAST_SIGMA)),
+            jacobian=prediction.jacobian[:, :3], sigma=np.full(3, max(found.sigma, LEAST_SIGMA)),
             weight=clear.astype(float), view=view, drawing=self._drawing)
         return self._counted(fitted, self._noise, self.record.step)
 
@@ -188,13 +178,14 @@ class TrackedProblem(ProblemInTime):
         rate = view.signals["theta_dot"] / self.robot.controller_ratios
         moving = np.flatnonzero(view.moving)
         own = self._signals(view, self.record.data, moving, rate, view.direction)
-        place = {Signal(POSITION, part=axis): view.signals["target"][:, k] for k, axis in enumerate("xyz")}
+        place = {Signal(Quantity.POSITION, part=axis): view.signals["target"][:, k]
+                 for k, axis in enumerate("xyz")}
         return own | {name: values for name, values in place.items() if np.ptp(values) > 0.0}
 
     def space(self, fitted: Fitted) -> tuple[Signal, np.ndarray]:
         """Where the target is, in spreads of the path."""
         target = fitted.view.signals["target"]
-        return Signal(PLACE), target / np.sqrt(np.mean(np.var(target, axis=0)))
+        return Signal(Quantity.PLACE), target / np.sqrt(np.mean(np.var(target, axis=0)))
 
     def independent_rows(self, fitted: Fitted) -> np.ndarray:
         """Numbers of rows in use, further apart than noise that a filter makes remembers."""
@@ -208,7 +199,7 @@ class TrackedProblem(ProblemInTime):
         return (run[:, None] != run) | (np.abs(time[:, None] - time) > _WANDERS_S)
 
     def surfaces(self, fitted: Fitted) -> dict[Signal, np.ndarray]:
-        return {Signal(TWO_ANGLES): second_order(fitted.view.q[:, fitted.view.moving])}
+        return {Signal(Quantity.TWO_ANGLES): second_order(fitted.view.q[:, fitted.view.moving])}
 
     def directions(self, fitted: Fitted) -> dict[Direction, np.ndarray]:
         view = fitted.view

@@ -40,20 +40,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from exactarm.diagnose.signal import (
-    ANGLE,
-    APPROACH,
-    DIRECTION,
-    LOAD,
-    PLACE,
-    POSITION,
-    SPEED,
-    TRACKER,
-    TRAVEL,
-    Direction,
-    Signal,
-    Structure,
-)
+from exactarm.diagnose.signal import TRACKER, Direction, Quantity, Signal, Structure
 
 # What is measured of a unit movement (N, m), or (N, m, f) of movements (N, f) where their rate counts
 Pattern = np.ndarray | Callable[[np.ndarray], np.ndarray]
@@ -63,7 +50,7 @@ _HALF_WIDTH = 1.3  # L: at the ends of the range the basis is still free
 AMPLITUDE = 3e-4  # rad of an axis, m of the device: what gears, springs and devices leave
 _LEAST_VALUES = 5  # different values of a signal; fewer are levels, not a curve
 _BY_SIDE, _TILTED, _WAVE = "by side", "tilted", "wave"
-_OF_THE_ARM = (ANGLE, TRAVEL, LOAD, APPROACH)  # no device follows them
+_OF_THE_ARM = (Quantity.ANGLE, Quantity.TRAVEL, Quantity.LOAD, Quantity.APPROACH)  # no device follows them
 _FALLING = np.array([1.0, 1.0, 2.0**-0.75, 2.0**-0.75]) / np.sqrt(1.0 + 2.0**-1.5)  # of `_of_a_turn`
 _DECIMALS = 9  # of a signal in SI: no device measures a nanoradian; a load of 1e-17 Nm is rounding
 
@@ -113,7 +100,7 @@ class Unknown:
     def curve_of_axis(self) -> int | None:
         """The axis that it turns as a function of that axis's own angle; None for all others."""
         alone = self.described and self.form == "smooth"
-        return self.direction.axis if alone and self.signals[0].quantity == ANGLE else None
+        return self.direction.axis if alone and self.signals[0].quantity == Quantity.ANGLE else None
 
     @property
     def structure(self) -> Structure:
@@ -160,7 +147,7 @@ def unknown_functions(signals: dict, directions: dict, tilts: dict,
     curves = {name: values for name, values in signals.items() if counts[name] >= _LEAST_VALUES}
     levels = {name: levels_of(values) for name, values in signals.items()
               # how an axis passes from one direction of its motion to the other, nobody knows
-              if 1 < counts[name] < _LEAST_VALUES and name.quantity != DIRECTION}
+              if 1 < counts[name] < _LEAST_VALUES and name.quantity != Quantity.DIRECTION}
     turns = {along: pattern for along, pattern in directions.items() if not along.of_tracker}
     device = [pattern for along, pattern in directions.items() if along.of_tracker]
     bases = {name: basis_of(values) for name, values in curves.items()} | levels
@@ -171,8 +158,8 @@ def unknown_functions(signals: dict, directions: dict, tilts: dict,
     for name, pattern in turns.items():
         for signal, basis in bases.items():
             yield Unknown(name, (signal,)), _moved([pattern], basis), lengths[signal]
-        side = next((side for side in (Signal(APPROACH, name.axis), Signal(DIRECTION, name.axis))
-                     if side in signals), None)
+        sides = (Signal(quantity, name.axis) for quantity in (Quantity.APPROACH, Quantity.DIRECTION))
+        side = next((side for side in sides if side in signals), None)
         place = [signal for signal in curves if signal.places_axis and signal.axis == name.axis]
         if side and place and counts[side] < _LEAST_VALUES:
             basis = bases[place[0]] * signals[side][:, None]
@@ -182,12 +169,12 @@ def unknown_functions(signals: dict, directions: dict, tilts: dict,
     for signal, basis in whole.items() if device else ():
         sizes = [np.tile(size, len(device)) for size in lengths[signal]]
         yield Unknown(TRACKER, (signal,)), _moved(device, basis), sizes
-    place = [few_of(curves[name]) for name in curves if name.quantity == POSITION]
+    place = [few_of(curves[name]) for name in curves if name.quantity == Quantity.POSITION]
     if device and len(place) == 3:
         yield _of_place(place, device)
     for along, patterns in tilts.items():
         for signal, values in curves.items():
-            if signal.quantity == LOAD:
+            if signal.quantity == Quantity.LOAD:
                 yield Unknown(along, (signal,), _TILTED), _moved(patterns, few_of(values)), [np.tile(few, 2)]
     yield from _of_two(curves, turns, device)
     yield from functions_of_waves(signals, directions, waves)
@@ -213,9 +200,9 @@ def functions_of_waves(signals: dict, directions: dict, waves: Iterable[Wave]) -
 def _factor(by: Signal, values: np.ndarray) -> np.ndarray:
     """(N,) of a wave that changes with a signal: its sign by the side, its size with a speed, either way, or
     with another signal from the middle of its range on: beside a wave of the same order."""
-    if by.quantity == APPROACH:
+    if by.quantity == Quantity.APPROACH:
         return values
-    if by.quantity == SPEED:
+    if by.quantity == Quantity.SPEED:
         return np.abs(values) / max(float(np.max(np.abs(values))), 1e-300)
     return _scaled(values)
 
@@ -238,7 +225,7 @@ def _of_place(place: list[np.ndarray], device: list[np.ndarray]) -> Function:
     product = np.einsum("ni,nj,nk->nijk", *place).reshape(len(place[0]), -1)
     size = sizes_of(LENGTHS[1], _TERMS_OF_TWO)
     sizes = AMPLITUDE * np.einsum("i,j,k->ijk", size, size, size).ravel()
-    return (Unknown(TRACKER, (Signal(PLACE),), "of place"), _moved(device, product),
+    return (Unknown(TRACKER, (Signal(Quantity.PLACE),), "of place"), _moved(device, product),
             [np.tile(sizes, len(device))])
 
 
@@ -251,7 +238,7 @@ def _of_two(curves: dict, turns: dict, device: list) -> Iterator[Function]:
     yield from _products({name: (few_of(values), size) for name, values in curves.items()
                           if name.places_axis}, moved)
     yield from _products({name: (_of_a_turn(values), _FALLING) for name, values in curves.items()
-                          if name.quantity == ANGLE and np.ptp(values) >= np.pi},
+                          if name.quantity == Quantity.ANGLE and np.ptp(values) >= np.pi},
                          {direction: [pattern] for direction, pattern in turns.items()})
 
 

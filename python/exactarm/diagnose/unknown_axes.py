@@ -17,7 +17,7 @@ import numpy as np
 from scipy import special
 
 from exactarm.diagnose.cross_validation import CrossValidation, folds_of
-from exactarm.diagnose.decisions import LEAST_EVIDENCE, LEAST_NATS, NAMED_AT
+from exactarm.diagnose.decisions import DRAFTS, LEAST_EVIDENCE, LEAST_NATS, NAMED_AT
 from exactarm.diagnose.evidence import Members, Picture
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.joint_fit import count_of
@@ -31,7 +31,7 @@ from exactarm.diagnose.worth import takes_enough
 from exactarm.noise.estimate import estimate_noise
 from exactarm.noise.model import NoiseModel
 
-_MOST_FUNCTIONS = 6  # searched for at once: twice what is drafted
+_MOST_FUNCTIONS = 2 * DRAFTS  # searched for at once
 _NOISE_PASSES = 2
 
 

@@ -19,7 +19,7 @@ from dataclasses import replace
 import numpy as np
 from scipy import special
 
-from exactarm.diagnose.decisions import CREDIBLE, DOUBT, NAMED_AT
+from exactarm.diagnose.decisions import CREDIBLE, DOUBT, FEW, NAMED_AT, UNLIKELY
 from exactarm.diagnose.dossier import Dossier
 from exactarm.diagnose.held_out_evidence import AGAINST
 from exactarm.diagnose.noise import NoiseFloor
@@ -31,13 +31,10 @@ from exactarm.diagnose.signal import Structure
 EXPLAINED, NOTHING, UNEXPLAINED = "explained", "no_undeclared_effect", "unexplained"
 _NOISE_REACHED = 1.25  # RMS after, beside the noise floor
 _FAR_ABOVE_NOISE = 1.5  # RMS after, beside a measured noise floor: something is left, whatever it follows
-# probability of nothing, below which something acts though it has no name: said of one clean set in twenty
-_NOT_NOTHING = 0.05
 _MOST_TOLD = 2  # unknown structures in the verdict's sentence; the report has all
 _NO_CHANGE = 0.005  # of the RMS error: less is no change in words
 _SHARE_EXPLAINED = 0.5  # of the square sum above the noise; less, and the cause is not found
-# held-out error beside the expected one; share of rows that may be wrong by themselves
-_CARRIES_OVER, _WRONG_SHARE = 1.6, 0.1
+_CARRIES_OVER = 1.6  # held-out error beside the expected one
 # of what the held-out error had above noise and spread of the fit; more, and the structure left counts
 _SHARE_STRAY = 0.25
 # of the RMS of a torque: drives are noisy, but a model that leaves half of it has not explained it
@@ -56,7 +53,7 @@ def verdict_of_causes(causes: Causes, after, noise: NoiseFloor, excess: float, s
         return UNEXPLAINED
     if causes.places:
         return UNEXPLAINED if structure else EXPLAINED
-    return NOTHING if causes.probability_nothing >= _NOT_NOTHING else UNEXPLAINED
+    return NOTHING if causes.probability_nothing >= UNLIKELY else UNEXPLAINED
 
 
 def without_refuted(causes: Causes | None, sure: Sequence[float], gain: float) -> Causes | None:
@@ -69,7 +66,7 @@ def without_refuted(causes: Causes | None, sure: Sequence[float], gain: float) -
     none, any_cause = causes.probability_nothing, 1.0 - causes.probability_nothing
     by_all_rows = none / (none + any_cause * np.exp(min(gain, 0.0)))
     nothing = min(place.nothing for place in causes.places)
-    if min(by_all_rows, nothing) < _NOT_NOTHING:
+    if min(by_all_rows, nothing) < UNLIKELY:
         return None
     return replace(causes, fits=causes.fits[:1], places=(), probability_nothing=nothing)
 
@@ -98,7 +95,7 @@ def held_out_excess(errors: dict[str, np.ndarray], unit: float, spread: float = 
                     for values in (errors["validation"], errors["identification"]))
     if not held.size or not fitted.size:
         return 1.0
-    most = lambda values: rms_of(values[: max(1, int((1.0 - _WRONG_SHARE) * len(values)))])
+    most = lambda values: rms_of(values[: max(1, int((1.0 - FEW) * len(values)))])
     return float(np.sqrt(max(most(held) ** 2 - spread, 0.0)) / max(most(fitted), 1e-300)
                  / max(1.0, unit / max(rms_of(fitted), 1e-300)) ** 2)
 

@@ -35,20 +35,15 @@ from exactarm.diagnose.problem_in_time import ProblemInTime
 from exactarm.diagnose.scan import free_mask, grid, prior_of
 from exactarm.diagnose.selected import Selection
 from exactarm.diagnose.signal import Structure
-from exactarm.diagnose.something_else import (
-    columns_of_unknown,
-    rivals_of_effects,
-    weigh_unknown,
-)
+from exactarm.diagnose.something_else import columns_of_unknown, rivals_of_effects, weigh_unknown
 from exactarm.diagnose.vocabulary import UNKNOWN_MASS, emptied
 from exactarm.effects.base import Effect
-from exactarm.identify.sensor_tone import summit
+from exactarm.identify.sensor_tone import DRIFT_PERIODS, PADDED, summit
 from exactarm.noise.broadband import level_around
 from exactarm.numerics.factors import lstsq
 from exactarm.numerics.signals import typical_step
 
-_PERIODS = 2.0  # in the longest run, at least
-_PEAKS, _PADDED = 6, 4  # lines of the spectrum that are tried; times the longest run
+_PEAKS = 6  # lines of the spectrum that are tried
 _TERMS = (1, 3)
 _SIZES = (2.0, 6.0, 20.0, 60.0, 200.0)  # tau, standard deviations of one run's noise; all alike likely
 
@@ -338,14 +333,14 @@ def _pieces(fitted: Fitted, left: np.ndarray, runs) -> list[np.ndarray]:
 def _lines(pieces: list[np.ndarray], step: float) -> list[float]:
     """Frequencies in Hz of the highest lines that the residuals of all runs have in common."""
     longest = max(piece.size for piece in pieces)
-    size = fft.next_fast_len(_PADDED * longest)
+    size = fft.next_fast_len(PADDED * longest)
     frequency = fft.rfftfreq(size, step)
     power = sum(np.abs(fft.rfft(piece - piece.mean(), size)) ** 2 for piece in pieces)
-    power[frequency < _PERIODS / (longest * step)] = 0.0
+    power[frequency < DRIFT_PERIODS / (longest * step)] = 0.0
     found: list[float] = []
     left = power.copy()
     while len(found) < _PEAKS and left.max() > 0.0:
         peak = int(np.argmax(left))
         found.append(summit(frequency, np.maximum(power, np.finfo(float).tiny), peak))
-        left[max(0, peak - 2 * _PADDED): peak + 2 * _PADDED + 1] = 0.0
+        left[max(0, peak - 2 * PADDED): peak + 2 * PADDED + 1] = 0.0
     return found

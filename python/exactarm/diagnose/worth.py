@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from exactarm.diagnose.cross_validation import CrossValidation, folds_of
-from exactarm.diagnose.decisions import RESPONDING
+from exactarm.diagnose.decisions import RESPONDING, RIDGE
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.scan import linear_columns, prior_of
@@ -86,7 +86,7 @@ def _promised(fitted: Fitted, columns: np.ndarray, prior: np.ndarray, units: np.
     """(U,) by how much the square sum of each unit should fall, if the effect is the same over all of
     them."""
     left = fitted.cleared(columns)
-    penalty = np.diag(1.0 / prior**2) + 1e-10 * np.diag(np.sum(left**2, axis=0) + np.finfo(float).tiny)
+    penalty = np.diag(1.0 / prior**2) + RIDGE * np.diag(np.sum(left**2, axis=0) + np.finfo(float).tiny)
     change = left @ np.linalg.solve(left.T @ left + penalty, left.T @ fitted.free_residual)
     return np.bincount(units, weights=by_row(change[:, None], fitted))
 

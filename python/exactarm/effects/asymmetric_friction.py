@@ -12,16 +12,12 @@ from exactarm.effects.drive import DriveEffect, smooth_square
 
 @dataclass(frozen=True)
 class AsymmetricFriction(DriveEffect):
-    """Half the difference of the friction of the two directions of one axis."""
-
     name = "asymmetric_friction"
     plain = "friction that depends on the direction"
     sentence = ("friction of axis {joint} is larger in the positive direction than in the negative one by "
                 "twice {coulomb_Nm:.3g} Nm and {viscous_Nm_s:.3g} Nm s")
     source = "Armstrong-Helouvry, Dupont and Canudas de Wit 1994"
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("coulomb_Nm", 3.0), Parameter("viscous_Nm_s", 3.0))
+    parameter_table = (Parameter("coulomb_Nm", 3.0), Parameter("viscous_Nm_s", 3.0))
 
     def change(self, view) -> Change:
         coulomb, viscous = self.values

@@ -96,7 +96,7 @@ class Backlash(Effect):
         for index, joint in enumerate(robot.joints):
             load = np.max(np.abs(view.torque[:, index]), initial=0.0)
             # Without a load the flank is that of the direction alone: hysteresis, in a static pose.
-            sided = view.is_series and np.any(view.direction[:, index])
+            sided = view.is_series and bool(np.any(view.direction[:, index]))
             if load < _LEAST_FRICTION_NM and not sided:
                 continue
             least = _LEAST_FRICTION_NM
@@ -121,5 +121,4 @@ class Backlash(Effect):
                 few = tuple(shares[:: max(1, len(shares) // _FEW)])
                 yield cls(index + 1, (0.0, few[0], 0.0), few, 0.0, tuple(float(-value) for value in inner))
                 continue
-            estimated = view.is_series and bool(np.any(view.direction[:, index]))
-            yield cls(index + 1, (0.0, shares[0]), tuple(shares), least if estimated else 0.0)
+            yield cls(index + 1, (0.0, shares[0]), tuple(shares), least if sided else 0.0)

@@ -79,15 +79,24 @@ class Effect(ABC):
     family: ClassVar[str] = ""  # effects of one family on one axis may be forms of one cause (`includes`)
     told_by: ClassVar[str] = ""  # the parameter that is its size; else the largest
     in_axis_units: ClassVar[bool] = False  # its rad and Nm are of its axis: m and N if that slides
+    parameter_table: ClassVar[tuple[Parameter, ...]]  # of effects that always have the same
     sentence: ClassVar[str] = ""  # format string: {joint} and the parameters' names
     plain: ClassVar[str] = ""  # a noun phrase that a technician uses, without the axis; empty: the name
     source: ClassVar[str] = ""
     open_parameters: ClassVar[str] = "as many as the robot's tables have"  # where no form has any
+    # what some effects say by a property of the same name
+    other_axes: ClassVar[tuple[int, ...]] = ()  # from 1, whose signals it reads by number, beside its own
+    any_curve: ClassVar[bool] = False  # it can take the shape of any smooth function of its axis's angle
+    frames_of: ClassVar[int | None] = None  # the session of which it is base and tool frame
+    zero_of: ClassVar[int | None] = None  # the run of which it is the zero of a sensor
+    nothing_at_all: ClassVar[bool] = False  # no values of its parameters change anything
+    axis_in_sensor: ClassVar[np.ndarray | None] = None  # (3,) where its session's gyroscope shows its axis
+    angles_measured: ClassVar[tuple[float, float] | None] = None  # rad, between which it was estimated
 
     # -- description ------------------------------------------------------------------------------
     def parameters(self) -> tuple[Parameter, ...]:
         """The parameters in the order of `values`."""
-        raise NotImplementedError
+        return self.parameter_table
 
     def value_of(self, name: str) -> float:
         return self.values[[parameter.name for parameter in self.parameters()].index(name)]
@@ -104,11 +113,6 @@ class Effect(ABC):
     def driven_by(self) -> int | None:
         """The axis, from 1, whose signals it follows: its own unless it says another."""
         return self.joint
-
-    @property
-    def other_axes(self) -> tuple[int, ...]:
-        """Axes, from 1, whose signals it reads by their number, beside its own."""
-        return ()
 
     def of_axes(self, axes: int) -> Effect:
         """Itself, on an arm of so many axes; raises DoesNotFit where it follows one that the arm has not."""
@@ -144,11 +148,6 @@ class Effect(ABC):
     def orders(self) -> tuple[tuple[float, float], ...]:
         """(cycles per output turn, amplitude in rad) of an angle error that repeats; else empty."""
         return ()
-
-    @property
-    def any_curve(self) -> bool:
-        """Whether it can take the shape of any smooth function of its axis's angle."""
-        return False
 
     def includes(self, other: Effect) -> bool:
         """Whether `other` is a form of the same cause with no term that this one lacks: the two are one
@@ -186,18 +185,8 @@ class Effect(ABC):
         """(k,) bool: parameters that move the frame of `joint` and all beyond it as one rigid body."""
         return np.zeros(len(self.values), bool)
 
-    @property
-    def frames_of(self) -> int | None:
-        """The session of which it is base and tool frame."""
-        return None
-
     def carries(self, data: Dataset) -> tuple[np.ndarray, np.ndarray] | None:
         """Rows (N,) bool and inertial parameters (10,), flange frame, of what is carried in them alone."""
-        return None
-
-    @property
-    def zero_of(self) -> int | None:
-        """The run of which it is the zero of a sensor."""
         return None
 
     @property
@@ -255,11 +244,6 @@ class Effect(ABC):
         that parameter. deviation (k,): the values' standard deviations."""
         return True
 
-    @property
-    def nothing_at_all(self) -> bool:
-        """Whether no values of its parameters change anything."""
-        return False
-
     # -- as a candidate ---------------------------------------------------------------------------
     @classmethod
     def candidates(cls, robot: Robot, view: View) -> Iterable[Effect]:
@@ -296,11 +280,6 @@ class Effect(ABC):
         own = np.arange(view.axes) == self.index
         return np.broadcast_to(slope, view.rows)[:, None, None] * own
 
-    @property
-    def axis_in_sensor(self) -> np.ndarray | None:
-        """(3,) where a gyroscope of its `session` shows its axis, where it says so."""
-        return None
-
     def place(self, session: int, base: Placement, tool: Placement) -> tuple[Placement, Placement]:
         """Base and tool frames of a session; only the effects that are frames change them."""
         return base, tool
@@ -325,11 +304,6 @@ class Effect(ABC):
 
     def measured(self, phi: np.ndarray) -> np.ndarray | None:
         """Rows (N,) bool of output angles phi (N, n), rad, where it was estimated; None = everywhere."""
-        return None
-
-    @property
-    def angles_measured(self) -> tuple[float, float] | None:
-        """Output angles (rad) of its axis between which it was estimated; goes with `measured`."""
         return None
 
     def renewed(self, view: View, again: bool = False) -> Effect:

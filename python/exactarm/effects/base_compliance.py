@@ -10,23 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exactarm.data.kinds import WITH_TARGET
-from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.effects.base import Change, Effect, Parameter
 from exactarm.effects.carried_moment import Bending
 
 
 @dataclass(frozen=True)
 class BaseCompliance(Bending):
-    """Tilt of the foundation, the same about both horizontal axes."""
-
     name = "base_compliance"
     plain = "a base that gives way under load"
-    station = Station.GEOMETRY
-    kinds = WITH_TARGET
-    compensable = True
-    by_load = True
-    per_load = True
-    gives_way = True
     per_joint = False
     # Springs of axes 2 and 3 look like a base that tilts: it is as probable as that of one axis of six, so
     # that what every arm has is not outdone because a base has no axes to share its prior with.
@@ -35,9 +26,7 @@ class BaseCompliance(Bending):
         "the foundation tilts, or axis 1 bends across itself (the two look alike), by {rad_per_Nm:.3g} rad "
         "for every Nm of overturning moment")
     source = "Abele, Weigold and Rothenbuecher 2007"
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("rad_per_Nm", 1e-6, 0.0),)
+    parameter_table = (Parameter("rad_per_Nm", 1e-6, 0.0),)
 
     def change(self, view) -> Change:
         """Joint 1 stands on the base: its axis is the base's z, its origin the base's."""

@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from exactarm import _core
-from exactarm.effects.base import Change, Effect
+from exactarm.data.kinds import WITH_TARGET
+from exactarm.effects.base import Change, Effect, Station
 from exactarm.effects.moving_frames import MovingFrames, turn_slope, turned_about
 from exactarm.robot.robot import Joint, Link, Robot
 
@@ -36,6 +37,11 @@ class Bending(Effect):
     """What gives way across an axis, by one value, rad per Nm; weight_alone: too slowly for accelerations."""
 
     weight_alone: bool = False
+
+    station = Station.GEOMETRY
+    kinds = WITH_TARGET
+    compensable = True
+    by_load = per_load = gives_way = True
 
     def to_table(self):
         return super().to_table() | ({"weight_alone": True} if self.weight_alone else {})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -62,13 +62,9 @@ class Change:
     columns: tuple[int, ...]
     value: np.ndarray
     by_parameters: np.ndarray
-    by_signal: Mapping[str, np.ndarray] = None
+    by_signal: Mapping[str, np.ndarray] = field(default_factory=dict)
     carried: tuple[int, np.ndarray] | None = None
     rate: Change | None = None
-
-    def __post_init__(self) -> None:
-        if self.by_signal is None:
-            object.__setattr__(self, "by_signal", {})
 
 
 @dataclass(frozen=True)

@@ -9,16 +9,12 @@ from exactarm.effects.drive import DriveEffect
 
 @dataclass(frozen=True)
 class CoulombFriction(DriveEffect):
-    """Dry friction of one axis, beside what its tables declare."""
-
     name = "coulomb_friction"
     unless_declared = "coulomb"
     plain = "dry friction that is not declared"
     sentence = "axis {joint} has {torque_Nm:.3g} Nm of dry friction that is not declared"
     source = "Armstrong-Helouvry, Dupont and Canudas de Wit 1994; thesis (2.22)"
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("torque_Nm", 10.0, lower=0.0),)
+    parameter_table = (Parameter("torque_Nm", 10.0, lower=0.0),)
 
     def change(self, view) -> Change:
         return self.torque_change(view, [self.sign(view)], **self.slopes(view, by_sign=self.values[0]))

@@ -16,20 +16,16 @@ from exactarm.effects.drive import DriveEffect
 
 @dataclass(frozen=True)
 class DeclaredFriction(DriveEffect):
-    """Friction of one axis, in the robot's tables."""
-
     name = "declared_friction"
     declared = True
     reverses = True
     sentence = "axis {joint} has {coulomb_Nm:.3g} Nm of dry and {viscous_Nm_s:.3g} Nm s of viscous friction"
+    parameter_table = (Parameter("coulomb_Nm", 10.0, lower=0.0), Parameter("viscous_Nm_s", 10.0, lower=0.0))
 
     @staticmethod
     def of(robot, index: int) -> DeclaredFriction:
         joint = robot.joints[index]
         return DeclaredFriction(index + 1, (joint.coulomb or 0.0, joint.viscous or 0.0))
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("coulomb_Nm", 10.0, lower=0.0), Parameter("viscous_Nm_s", 10.0, lower=0.0))
 
     def parameter_label(self, parameter: Parameter) -> str:
         symbol, unit = parameter.name.split("_", 1)

@@ -17,8 +17,6 @@ from exactarm.effects.parameter_id import Group, ParameterId
 
 @dataclass(frozen=True)
 class DeclaredRatio(Effect):
-    """The ratio of one axis, in the robot's tables."""
-
     name = "declared_ratio"
     station = Station.GEAR
     kinds = WITH_TARGET

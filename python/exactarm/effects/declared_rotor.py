@@ -15,19 +15,15 @@ from exactarm.effects.drive import DriveEffect
 
 @dataclass(frozen=True)
 class DeclaredRotor(DriveEffect):
-    """Rotor inertia of one motor, in the robot's tables."""
-
     name = "declared_rotor"
     declared = True
     inertia_of = "rotor"
     sentence = "the motor of axis {joint} has {inertia_kg_m2:.3g} kg m2 about its shaft"
+    parameter_table = (Parameter("inertia_kg_m2", 1e-3, lower=0.0),)
 
     @staticmethod
     def of(robot, index: int) -> DeclaredRotor:
         return DeclaredRotor(index + 1, (robot.joints[index].rotor_inertia or 0.0,))
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("inertia_kg_m2", 1e-3, lower=0.0),)
 
     def parameter_label(self, parameter: Parameter) -> str:
         return f"rotor_inertia_{self.joint}_kg_m2"

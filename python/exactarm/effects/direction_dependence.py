@@ -16,8 +16,6 @@ from exactarm.effects.harmonic_family import HarmonicFamily, orders_by_side
 
 @dataclass(frozen=True)
 class DirectionDependence(HarmonicFamily):
-    """Half the difference of a_k, b_k between counter-clockwise and clockwise motion."""
-
     name = "direction_dependence"
     plain = "gear errors that depend on the direction"
     kinds = ALL_KINDS

@@ -18,13 +18,11 @@ class EncoderOffset(Effect):
     kinds = (GEAR_RUN.name,)
     declared = True
     sentence = "the encoders of axis {joint} differ by {offset_rad:.4g} rad in one run"
+    parameter_table = (Parameter("offset_rad", 1.0),)
 
     @property
     def zero_of(self) -> int:
         return self.run
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("offset_rad", 1.0),)
 
     def parameter_label(self, parameter: Parameter) -> str:
         return f"run_{self.run}.{self.label}.{parameter.name}"

@@ -14,8 +14,6 @@ from exactarm.effects.base import Change, Effect, Parameter, Station
 
 @dataclass(frozen=True)
 class GearRatio(Effect):
-    """Relative scale of one axis' output angle."""
-
     name = "gear_ratio"
     plain = "a wrong gear ratio"
     station = Station.GEAR
@@ -24,9 +22,7 @@ class GearRatio(Effect):
     log_odds = -1.0  # a ratio is a count of teeth; the scale of a sensor is no such thing
     sentence = "the gear of axis {joint} turns its output by the factor 1 + {scale:.3g} of what is declared"
     source = "thesis (2.11), (3.12)"
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("scale", 2e-3, -0.2, 0.2),)
+    parameter_table = (Parameter("scale", 2e-3, -0.2, 0.2),)
 
     def in_plain_words_on(self, robot) -> str:
         return "a wrong scale of the travel" if slides(robot, self.joint) else self.in_plain_words

@@ -29,9 +29,7 @@ class GyroAlignment(Effect):
     declared = True
     sentence = "the gyroscope is tilted by {alpha_rad:.4g} and {beta_rad:.4g} rad against axis {joint}"
     source = "thesis (3.3)"
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("alpha_rad", 0.02), Parameter("beta_rad", 0.02))
+    parameter_table = (Parameter("alpha_rad", 0.02), Parameter("beta_rad", 0.02))
 
     def parameter_label(self, parameter: Parameter) -> str:
         return f"session_{self.session}.{self.label}.{parameter.name}"

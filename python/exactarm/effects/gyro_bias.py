@@ -15,18 +15,14 @@ _LIKELY_RAD_S = 0.01
 
 @dataclass(frozen=True)
 class GyroBias(Effect):
-    """Bias of the three axes."""
-
     name = "gyro_bias"
     station = Station.DEVICE
     kinds = (GEAR_RUN.name,)
     per_joint = False
     sentence = "the gyroscope reads {z_rad_s:.3g} rad/s at rest along the moving axis"
     source = "IEEE Std 1431: bias"
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        names = ("x_rad_s", "y_rad_s", "z_rad_s")
-        return tuple(Parameter(name, 2e-3, -1.0, 1.0, prior=_LIKELY_RAD_S) for name in names)
+    parameter_table = tuple(
+        Parameter(f"{axis}_rad_s", 2e-3, -1.0, 1.0, prior=_LIKELY_RAD_S) for axis in "xyz")
 
     def change(self, view) -> Change:
         value = np.broadcast_to(np.array(self.values), (view.rows, 3)).copy()

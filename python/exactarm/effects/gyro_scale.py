@@ -11,17 +11,13 @@ from exactarm.effects.base import Change, Effect, Parameter, Station
 
 @dataclass(frozen=True)
 class GyroScale(Effect):
-    """One relative scale error."""
-
     name = "gyro_scale"
     station = Station.DEVICE
     kinds = (GEAR_RUN.name,)
     per_joint = False
     sentence = "the gyroscope reads 1 + {scale:.3g} times the rate"
     source = "IEEE Std 1431: scale factor error"
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("scale", 5e-3, -0.2, 0.2),)
+    parameter_table = (Parameter("scale", 5e-3, -0.2, 0.2),)
 
     def change(self, view) -> Change:
         reading = view.measured

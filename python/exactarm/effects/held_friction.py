@@ -17,12 +17,11 @@ from exactarm.effects.drive import DriveEffect
 
 @dataclass(frozen=True)
 class HeldFriction(DriveEffect):
-    """A constant beside the reported torque of one axis."""
-
     name: ClassVar[str] = "held_friction"
     declared: ClassVar[bool] = True
     station: ClassVar[Station] = Station.DEVICE
     sentence: ClassVar[str] = "dry friction of axis {joint}, which stands still, holds {held_Nm:.3g} Nm"
+    parameter_table = (Parameter("held_Nm", 10.0),)
 
     @staticmethod
     def of(robot, index: int) -> HeldFriction:
@@ -30,9 +29,6 @@ class HeldFriction(DriveEffect):
 
     def from_tables(self, robot) -> HeldFriction:
         return self
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("held_Nm", 10.0),)
 
     def parameter_label(self, parameter: Parameter) -> str:
         return f"held_{self.joint}_Nm"

@@ -30,6 +30,8 @@ class JointCoupling(Effect):
     by_design = True
     sentence = "the motor of axis {motor:.0f} turns axis {joint} by {coupling_rad_per_rad:.3g} rad per rad"
     source = "Siciliano et al., Robotics (2009), transmission coupling"
+    parameter_table = (Parameter("motor", 1.0, fixed=True),
+                       Parameter("coupling_rad_per_rad", 0.02, -10.0, 10.0))
 
     @property
     def label(self) -> str:
@@ -53,9 +55,6 @@ class JointCoupling(Effect):
         words = words.replace(" turns ", " moves ") if turned == "m" else words
         return (words.replace("rad_per_rad", f"{turned}_per_{motor}")
                 .replace("rad per rad", f"{turned} per {motor}"))
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("motor", 1.0, fixed=True), Parameter("coupling_rad_per_rad", 0.02, -10.0, 10.0))
 
     def change(self, view) -> Change:
         motor = int(self.values[0]) - 1

@@ -12,28 +12,17 @@ a torsion spring about it does not have (Abele, Weigold and Rothenbuecher 2007; 
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from exactarm.data.kinds import WITH_TARGET
-from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.effects.base import Change, Effect, Parameter
 from exactarm.effects.carried_moment import Bending
 
 
 @dataclass(frozen=True)
 class LinkCompliance(Bending):
-    """Bending of bearing and link at one joint, the same in both directions across the axis."""
-
     name = "link_compliance"
     plain = "a link or bearing that bends under load"
-    station = Station.GEOMETRY
-    kinds = WITH_TARGET
-    compensable = True
-    by_load = True
-    per_load = True
-    gives_way = True
     sentence = "bearing and link of axis {joint} bend across the axis by {rad_per_Nm:.3g} rad per Nm"
     source = "Abele, Weigold and Rothenbuecher 2007; Klimchik et al. 2013"
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("rad_per_Nm", 2e-6, 0.0),)
+    parameter_table = (Parameter("rad_per_Nm", 2e-6, 0.0),)
 
     def change(self, view) -> Change:
         return self.bent(view, self.index)

@@ -23,8 +23,6 @@ PLAUSIBLE = (10.0,) + (2.0,) * 3 + (1.0,) * 6
 
 @dataclass(frozen=True)
 class LinkInertia(Effect):
-    """Inertial parameters of the links, in the robot's tables."""
-
     columns: tuple[int, ...] = ()
 
     name = "link_inertia"

@@ -13,15 +13,11 @@ from exactarm.effects.drive import DriveEffect
 
 @dataclass(frozen=True)
 class LoadFriction(DriveEffect):
-    """Share of the transmitted torque that one gear loses to friction."""
-
     name = "load_friction"
     plain = "friction that grows with the load"
     sentence = "friction of axis {joint} grows by {coefficient:.3g} Nm for every Nm that the gear carries"
     source = "Hamon, Gautier and Garrec 2010"
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("coefficient", 0.1, 0.0, 5.0),)
+    parameter_table = (Parameter("coefficient", 0.1, 0.0, 5.0),)
 
     def change(self, view) -> Change:
         torque = view.torque[:, self.index]

@@ -22,17 +22,13 @@ from exactarm.effects.base import Change, Effect, Parameter, Station
 
 @dataclass(frozen=True)
 class MotorLinkCoupling(Effect):
-    """Inertial coupling between rotors and links, which a simplified model leaves out."""
-
     name = "motor_link_coupling"
     station = Station.DRIVE
     kinds = (MOTION.name,)
     per_joint = False
     sentence = "the spinning rotors load the links that carry them, {share:.3g} of the full coupling"
     source = "thesis (2.22); Tomei 1991; De Luca and Book 2016"
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("share", 1.0, -2.0, 2.0),)
+    parameter_table = (Parameter("share", 1.0, -2.0, 2.0),)
 
     def change(self, view) -> Change:
         column = coupling_torque(view)

@@ -38,9 +38,7 @@ class Outliers(Effect):
     per_joint = False
     sentence = "single rows are wrong by themselves: those with more than {threshold_m:.3g} m are left out"
     source = "Rousseeuw and Hubert 2011"
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("threshold_m", 1e-3, 0.0, fixed=True),)
+    parameter_table = (Parameter("threshold_m", 1e-3, 0.0, fixed=True),)
 
     def change(self, view) -> Change:
         return Change((), np.zeros((view.rows, 0)), np.zeros((view.rows, 0, 1)))

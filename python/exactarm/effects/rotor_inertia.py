@@ -14,15 +14,11 @@ from exactarm.effects.drive import DriveEffect
 
 @dataclass(frozen=True)
 class RotorInertia(DriveEffect):
-    """Inertia of one motor that the tables lack."""
-
     name = "rotor_inertia"
     plain = "a rotor inertia that is not declared"
     sentence = "the motor of axis {joint} has {inertia_kg_m2:.3g} kg m2 more inertia than declared"
     source = "thesis (2.22), E4"
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("inertia_kg_m2", 5e-4),)
+    parameter_table = (Parameter("inertia_kg_m2", 5e-4),)
 
     def possible(self, robot, deviation) -> bool:
         return (robot.joints[self.index].rotor_inertia or 0.0) + self.values[0] >= 0.0

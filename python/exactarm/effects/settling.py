@@ -31,9 +31,7 @@ class Settling(Effect):
     station = Station.SPRING
     kinds = (POSES.name,)
     source = "ISO 9283:1998, 7.4 (position stabilisation time)"
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("share_rad_per_rad", 2e-4, -_LARGEST, _LARGEST),)
+    parameter_table = (Parameter("share_rad_per_rad", 2e-4, -_LARGEST, _LARGEST),)
 
     def describe(self) -> str:
         share = self.values[0]

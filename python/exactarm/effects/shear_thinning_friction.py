@@ -14,17 +14,13 @@ from exactarm.view import SIGN_WIDTH_RAD_S
 
 @dataclass(frozen=True)
 class ShearThinningFriction(DriveEffect):
-    """The square-root part of the friction curve of one axis."""
-
     name = "shear_thinning_friction"
     plain = "friction of a lubricant that thins with speed"
     in_axis_units = False  # of a root of a rate
     sentence = ("friction of axis {joint} bends over with the rate as grease does: "
                 "{coefficient_Nm_sqrt_s:.3g} Nm times the square root of the rate in rad/s")
     source = "Reiner 1926; Simoni, Beschi, Legnani and Visioli 2015"
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("coefficient_Nm_sqrt_s", 10.0, lower=0.0),)
+    parameter_table = (Parameter("coefficient_Nm_sqrt_s", 10.0, lower=0.0),)
 
     def change(self, view) -> Change:
         rate = self.rate(view)

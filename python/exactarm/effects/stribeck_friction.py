@@ -13,17 +13,13 @@ from exactarm.effects.drive import DriveEffect
 
 @dataclass(frozen=True)
 class StribeckFriction(DriveEffect):
-    """Breakaway torque of one axis above its Coulomb friction."""
-
     name = "stribeck_friction"
     plain = "friction that falls at low speed"
     sentence = ("axis {joint} has {breakaway_Nm:.3g} Nm more friction near standstill, gone above "
                 "{velocity_rad_s:.3g} rad/s")
     source = "Stribeck 1902; Bo and Pavelescu 1982; Armstrong-Helouvry et al. 1994"
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("breakaway_Nm", 10.0, lower=0.0),
-                Parameter("velocity_rad_s", 0.3, 0.01, 5.0, search=(0.03, 0.06, 0.1, 0.2, 0.4, 0.8)))
+    parameter_table = (Parameter("breakaway_Nm", 10.0, lower=0.0),
+                       Parameter("velocity_rad_s", 0.3, 0.01, 5.0, search=(0.03, 0.06, 0.1, 0.2, 0.4, 0.8)))
 
     def change(self, view) -> Change:
         breakaway, velocity = self.values

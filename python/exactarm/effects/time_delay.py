@@ -26,9 +26,7 @@ class TimeDelay(Effect):
     per_joint = False
     sentence = "the measured signal comes {delay_s:.4g} s after the motor encoder"
     source = "sampling: signals of two devices, one clock"
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("delay_s", 2e-3, -0.1, 0.1),)
+    parameter_table = (Parameter("delay_s", 2e-3, -0.1, 0.1),)
 
     def change(self, view) -> Change:
         value, derivative = np.zeros((2, view.rows, view.axes))

@@ -18,22 +18,18 @@ from exactarm.data.kinds import POSES
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.moving_frames import MovingFrames
 from exactarm.effects.slow_driver import clock_of
-from exactarm.effects.step_in_order import StepInOrder
-from exactarm.effects.tracker_step import shift_and_turn, size_in_words
+from exactarm.effects.tracker_step import StepOfBody, shift_and_turn, size_in_words
 
 
 @dataclass(frozen=True)
-class ToolShift(StepInOrder):
+class ToolShift(StepOfBody):
     """Shift of the target in DH frame n, with `turn` its rotation too; in `session`, after `after`."""
-
-    turn: bool = False
 
     name = "tool_shift"
     plain = "a tool or reflector that was knocked"
     station = Station.GEOMETRY
     on_earlier_rows = True
     kinds = (POSES.name,)
-    per_joint = False
     # A zero of the last axis that moved looks like a tool that moved along its circle: as probable as that of
     # one axis of six, so that such a move is named by what needs one number.
     log_odds = -float(np.log(6.0))
@@ -45,11 +41,6 @@ class ToolShift(StepInOrder):
     def describe(self) -> str:
         size = size_in_words(self.values[1:], self.turn)
         return f"the target moves on the flange by {size} after {self.where}"
-
-    @classmethod
-    def from_table(cls, table) -> Effect:
-        found = super().from_table(table)
-        return replace(found, turn=any(found.values[4:]))
 
     def spans_sessions(self, data):
         return bool(data.contacts)

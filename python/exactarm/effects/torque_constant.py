@@ -14,16 +14,12 @@ from exactarm.effects.drive import DriveEffect
 
 @dataclass(frozen=True)
 class TorqueConstant(DriveEffect):
-    """Relative error of the reported torque of one axis."""
-
     name = "torque_constant"
     plain = "a wrong torque constant"
     station = Station.DEVICE
     sentence = "the torque that axis {joint} reports is the true one times 1 + {scale:.3g}"
     source = "Gautier and Briot 2014 (drive gains)"
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("scale", 0.1, -0.9, 5.0),)
+    parameter_table = (Parameter("scale", 0.1, -0.9, 5.0),)
 
     def change(self, view) -> Change:
         torque = view.measured[:, self.index]

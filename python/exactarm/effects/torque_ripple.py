@@ -20,8 +20,6 @@ _SAME = 0.02  # relative: the search refines an order by itself
 
 @dataclass(frozen=True)
 class TorqueRipple(DriveEffect):
-    """One order of one axis."""
-
     name = "torque_ripple"
     plain = "torque ripple of the motor"
     of_waves = True

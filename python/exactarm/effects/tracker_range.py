@@ -29,9 +29,7 @@ class TrackerRange(Effect):
     kinds = WITH_TARGET
     per_joint = False
     source = "ASME B89.4.19; ISO 10360-10 (ranging errors of laser trackers)"
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("longer_m", 1e-4),)
+    parameter_table = (Parameter("longer_m", 1e-4),)
 
     def describe(self) -> str:
         way = "long" if self.values[0] > 0.0 else "short"

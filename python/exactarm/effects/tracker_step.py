@@ -17,18 +17,30 @@ from exactarm.effects.tracker_drift import moved_device
 
 
 @dataclass(frozen=True)
-class TrackerStep(StepInOrder):
+class StepOfBody(StepInOrder):
+    """A body that moved: values are the place, a shift and, with `turn`, a rotation."""
+
+    turn: bool = False
+
+    per_joint = False
+
+    @classmethod
+    def from_table(cls, table) -> Effect:
+        found = super().from_table(table)
+        return replace(found, turn=any(found.values[4:]))
+
+
+@dataclass(frozen=True)
+class TrackerStep(StepOfBody):
     """Shift of the device in its own axes, with `turn` its rotation too; of one `session`, after `at` on
     `driver`. drawn: the rotation is drawn to zero."""
 
-    turn: bool = False
     drawn: bool = False
 
     name = "tracker_step"
     plain = "a tracker that was pushed"
     station = Station.DEVICE
     kinds = WITH_TARGET
-    per_joint = False
     source = "ISO 10360-10 (stability of laser trackers)"
 
     def sizes(self) -> tuple[Parameter, ...]:
@@ -40,11 +52,6 @@ class TrackerStep(StepInOrder):
 
     def describe(self) -> str:
         return f"the measuring device jumps by {size_in_words(self.values[1:], self.turn)} after {self.where}"
-
-    @classmethod
-    def from_table(cls, table) -> Effect:
-        found = super().from_table(table)
-        return replace(found, turn=any(found.values[4:]))
 
     def shape(self, view):
         return moved_device(view.measured[:, :3], np.ones((view.rows, 1, 1)), self.values[1:])[1]

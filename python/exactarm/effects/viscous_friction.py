@@ -10,16 +10,12 @@ from exactarm.effects.drive import DriveEffect
 
 @dataclass(frozen=True)
 class ViscousFriction(DriveEffect):
-    """Friction of one axis in proportion to its rate, beside what its tables declare."""
-
     name = "viscous_friction"
     unless_declared = "viscous"
     plain = "viscous friction that is not declared"
     sentence = "axis {joint} has {coefficient_Nm_s:.3g} Nm s of viscous friction that is not declared"
     source = "Armstrong-Helouvry, Dupont and Canudas de Wit 1994; thesis (2.22)"
-
-    def parameters(self) -> tuple[Parameter, ...]:
-        return (Parameter("coefficient_Nm_s", 10.0, lower=0.0),)
+    parameter_table = (Parameter("coefficient_Nm_s", 10.0, lower=0.0),)
 
     def change(self, view) -> Change:
         rate = self.rate(view)

@@ -19,7 +19,6 @@ from exactarm.errors import InputError
 from exactarm.first_aid.pose_mistakes import LEAST_ROWS, pose_mistakes
 from exactarm.first_aid.suspicion import FALL, Suspicion, in_order
 from exactarm.identify.declared import carried_layout
-from exactarm.identify.reach import reach
 from exactarm.measurement.board_pictures import inverse, two_frames
 from exactarm.measurement.camera import board_poses
 from exactarm.robot.robot import Placement, Robot
@@ -38,7 +37,7 @@ def camera_mistakes(robot: Robot, data: Dataset) -> list[Suspicion]:
     try:
         now, poses = _misfit(robot, setup, rows), pictures_as_poses(setup, rows)
     except InputError:  # refused, and may be right after one of the changes
-        now, poses = reach(robot), rows.select(np.zeros(0, int))
+        now, poses = robot.reach, rows.select(np.zeros(0, int))
     for words, other, changed in _candidates(setup, rows):
         try:
             fall = now / max(_misfit(robot, other, changed), 1e-9)

@@ -28,7 +28,6 @@ from exactarm.first_aid.drive_model import (
 )
 from exactarm.first_aid.signal_mistakes import LONG_STEP_S
 from exactarm.first_aid.suspicion import FALL, Suspicion, in_order
-from exactarm.identify.reach import reach
 from exactarm.numerics.signals import typical_step
 from exactarm.robot.axes_in_words import axes_in_words
 from exactarm.robot.robot import GRAVITY_M_S2, Robot
@@ -269,7 +268,7 @@ def _units(robot: Robot, samples: MotionSamples) -> Iterator[Suspicion]:
     if robot.links is not None and sum(link.mass for link in robot.links) > 0.0:
         yield from _units_of_masses(robot, samples)
         return
-    torque, size = float(np.quantile(np.abs(samples.torque), 0.99, axis=0).max()), reach(robot)
+    torque, size = float(np.quantile(np.abs(samples.torque), 0.99, axis=0).max()), robot.reach
     if size > 0.0 and not _LEAST_LOAD_NM_M3 < torque / size**3 < _MOST_LOAD_NM_M3:
         yield Suspicion(
             f"torques of {torque:.3g} Nm at an arm that reaches {size:.2g} m: are they in another unit (mNm, "

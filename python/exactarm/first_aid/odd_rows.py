@@ -22,7 +22,6 @@ from exactarm.first_aid.pose_candidates import Candidate, candidates, turned, wi
 from exactarm.first_aid.pose_mistakes import LEAST_ROWS, spread
 from exactarm.first_aid.suspicion import FALL, Suspicion, in_order
 from exactarm.identify.frames import find_frames
-from exactarm.identify.reach import reach
 from exactarm.robot.robot import Placement, Robot
 
 MOST_ROWS = 240  # of a session, evenly spread
@@ -100,7 +99,7 @@ def _of_session(bare: Robot, carried: Layout, whole: Dataset, rows: np.ndarray, 
     if fall(own) >= FALL:
         return [Suspicion(f"another tool, target or device frame {place} (two sessions)", fall(own))]
     alone = fall(np.zeros(0))
-    if alone >= FALL and _rms(own) > _APART * reach(bare) and len(part) > _GROSS_SHARE * len(data):
+    if alone >= FALL and _rms(own) > _APART * bare.reach and len(part) > _GROSS_SHARE * len(data):
         return [Suspicion(f"other angles {place} (positions of other poses, or of another file?)", alone)]
     return []
 

@@ -44,7 +44,6 @@ from exactarm.first_aid.pose_candidates import (
     with_angles,
 )
 from exactarm.first_aid.suspicion import AS_GOOD, FALL, Suspicion, in_order
-from exactarm.identify.reach import reach
 from exactarm.robot.robot import Placement, Robot
 
 MOST_ROWS = 120  # of a session, evenly spread: a mistake shows in every row
@@ -94,7 +93,7 @@ def pose_mistakes(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -
     if max((each.fall for each in found), default=0.0) < _LITTLE:
         found += _scales_and_zeros(bare, carried, data, now)
     found = found or list(_changes_midway(bare, carried, data, now))
-    if found and not turns and now.position < _SUSPICIOUS_SHARE * reach(bare):
+    if found and not turns and now.position < _SUSPICIOUS_SHARE * bare.reach:
         geometry = left_by_geometry(bare, carried, data, seed)
         found = [each for each in found if now.position / each.fall < geometry]
     found = found or list(_gross_rows(bare, carried, whole))
@@ -166,7 +165,7 @@ def _another_clock(bare: Robot, carried: Layout, data: Dataset, now: Misfit,
                    seed: int) -> Iterator[Suspicion]:
     """A device whose time runs faster or slower than the controller's, from one start of each run on."""
     known = TRACKED_MOTION.name in data.kinds and data.time is not None
-    if not known or now.position < _LEAST_SHARE * reach(bare):
+    if not known or now.position < _LEAST_SHARE * bare.reach:
         return
 
     def meant(factor: float) -> tuple[Dataset, np.ndarray]:
@@ -207,7 +206,7 @@ def _another_clock(bare: Robot, carried: Layout, data: Dataset, now: Misfit,
 def _scales_and_zeros(bare: Robot, carried: Layout, data: Dataset, now: Misfit) -> Iterator[Suspicion]:
     """One axis turns by another factor than its angles say, a wrong gear ratio, or counts from another
     zero."""
-    if now.position < _SUSPICIOUS_SHARE * reach(bare) and not now.orientation > LEAST_ORIENTATION_RAD:
+    if now.position < _SUSPICIOUS_SHARE * bare.reach and not now.orientation > LEAST_ORIENTATION_RAD:
         return
     best = lambda *change: _best_of_axes(bare, carried, data, now, *change)
     scale = best((*_SCALES, 1.0), lambda i, factor: scaled([i], factor))

@@ -20,7 +20,6 @@ from exactarm.first_aid.suspicion import FALL, Suspicion, in_order
 from exactarm.identify.declared import carried_layout
 from exactarm.identify.judged_rows import JUDGED_FROM, touched_contacts
 from exactarm.identify.match import WORST_SHARE
-from exactarm.identify.reach import reach
 from exactarm.measurement.closures import PAIR, touches
 from exactarm.robot.robot import Placement, Robot
 
@@ -84,7 +83,7 @@ def touch_mistakes(robot: Robot, data: Dataset) -> list[Suspicion]:
     points, rotations = flanges([(bare, carried, each) for each in tried])
     left, shares = _best(points, rotations, contacts, robot.tool.position)
     falls = shares[0] / np.maximum(shares, 1e-12)
-    good = (falls >= FALL) & (left < WORST_SHARE * reach(robot))
+    good = (falls >= FALL) & (left < WORST_SHARE * robot.reach)
     return in_order([Suspicion(words[k], float(falls[k])) for k in np.flatnonzero(good)])
 
 

@@ -13,7 +13,6 @@ from exactarm.errors import ComputationError, InputError
 from exactarm.identify.calibrate import Calibration
 from exactarm.identify.closure_scale import gravity_alone
 from exactarm.identify.judged_rows import judged_rows
-from exactarm.identify.reach import reach
 from exactarm.identify.wild_rows import MOST_SINGLE, wild_rows
 from exactarm.numerics.signals import step_of_quantisation
 from exactarm.robot.robot import Robot
@@ -34,7 +33,7 @@ FAR_FROM_DRAWING = 0.02  # of the reach: ten times what arms miss by
 
 def doubts(declared: Robot, result: Calibration, calibrated: Calibrated) -> tuple[str, ...]:
     """One line each. calibrated: the same calibration of some of the rows."""
-    data, reached = result.data, reach(result.robot)
+    data, reached = result.data, result.robot.reach
     left = _left_m(result)
     told = list(contradicting(data, left, MOST_LEFT * reached, lambda rows: _left_m(calibrated(rows))))
     if not data.contacts:
@@ -46,7 +45,7 @@ def doubts(declared: Robot, result: Calibration, calibrated: Calibrated) -> tupl
 
 def with_contradiction(error: InputError, robot: Robot, data: Dataset, calibrated: Calibrated) -> InputError:
     """The refusal of all rows, with the reason where each file alone is none to refuse."""
-    most = MOST_LEFT * reach(robot)
+    most = MOST_LEFT * robot.reach
     for line in contradicting(data, np.inf, most, lambda rows: _left_m(calibrated(rows))):
         return InputError(f"{line}. Of all together: {error.message}", file=error.file)
     return error
@@ -120,6 +119,6 @@ def far_from_drawing(declared: Robot, found: Robot) -> Iterator[str]:
     lengths = [(abs(getattr(new, name) - getattr(old, name)), f"{name}_{i}", getattr(old, name))
                for i, (old, new) in enumerate(zip(declared.joints, found.joints), start=1) for name in "ad"]
     off, name, old = max(lengths)
-    if off > FAR_FROM_DRAWING * reach(found):
+    if off > FAR_FROM_DRAWING * found.reach:
         yield (f"{name} comes out {1e3 * off:.3g} mm from the {1e3 * old:.5g} mm of the robot file, more "
                "than an arm is off its drawing: is it the file of this arm, and its table right?")

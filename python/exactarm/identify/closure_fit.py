@@ -26,6 +26,7 @@ from exactarm.chain import Layout
 from exactarm.data.dataset import Dataset
 from exactarm.data.fixture import Fixture
 from exactarm.data.split import pose_groups
+from exactarm.identify.layout_fit import pulls_of
 from exactarm.identify.repeats import worth_of_rows
 from exactarm.measurement.closures import PAIR, ClosurePrediction, noise_classes, predict_closures
 from exactarm.measurement.contacts import CAMERA
@@ -145,7 +146,7 @@ class Pulls:
         for place, (j, _, spread) in enumerate(held):
             rows[place, j] = 1.0 / spread
         rest = [(value - values[j]) / spread for j, value, spread in held]
-        own = layout.prior_rows()
+        own, _ = pulls_of(layout)
         known = known_lengths(layout, self.fixture)
         lengths = np.array([k.row / k.sigma for k in known]).reshape(len(known), layout.size)
         return (np.concatenate([rows, own, lengths]),

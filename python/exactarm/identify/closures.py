@@ -28,7 +28,7 @@ from exactarm.identify.identifiability import Dropped, Identifiability, select_i
 from exactarm.identify.judged_rows import judged_rows, unjudged_lines
 from exactarm.identify.length_doubt import length_doubts
 from exactarm.identify.loads import kept_masses, with_loads
-from exactarm.identify.match import WORST_SHARE, reach
+from exactarm.identify.match import WORST_SHARE
 from exactarm.identify.partner_misfit import partner_misfit
 from exactarm.identify.partner_prior import known_of_partner, partner_warnings, with_open_partner
 from exactarm.identify.size_doubt import scale_doubt, size_doubts
@@ -150,8 +150,8 @@ def declare_closures(robot: Robot, data: Dataset, compliance: tuple[int, ...] | 
         if other[-1].log_likelihood - one[-1].log_likelihood > _MOUNTED_ANEW * price:
             one = other
     whole, layout, pulls, found, fit = one
-    return DeclaredClosures(layout, pulls, found, nominal, with_held_in_doubt(fit, whole, data, pulls),
-                            fit.fit)
+    return DeclaredClosures(layout, pulls, found, nominal,
+                            with_held_in_doubt(fit, whole, data, pulls, threads), fit.fit)
 
 
 def nominal_closures(robot: Robot, data: Dataset, carried: Layout, seed: int = 0, threads: int = 1,
@@ -172,7 +172,7 @@ def nominal_closures(robot: Robot, data: Dataset, carried: Layout, seed: int = 0
     starts = [robot.tool.position]
     if touched.any():
         starts += list(np.random.default_rng(seed).normal(0.0, _TOOL_REACH_M, (_STARTS, 3)))
-    limit = WORST_SHARE * reach(robot)
+    limit = WORST_SHARE * robot.reach
     if np.all(device == PARTNER):
         missed = partner_misfit(robot, carried, data, starts, limit)
         if missed > _HOPELESS * limit:
@@ -200,7 +200,7 @@ def nominal_closures(robot: Robot, data: Dataset, carried: Layout, seed: int = 0
 
 def _ran_away(layout: Layout, robot: Robot) -> bool:
     """Whether the tool went further than any tool is: it and the centre of a sphere far off together."""
-    return any(np.linalg.norm(effect.values) > reach(robot) for effect in layout.effects
+    return any(np.linalg.norm(effect.values) > robot.reach for effect in layout.effects
                if isinstance(effect, Target))
 
 
@@ -210,7 +210,7 @@ def _another_robot(robot: Robot, data: Dataset, missed: float) -> InputError:
         of_partner = ", or is the robot file of the partner that of another arm"
     return InputError(
         f"robot and data do not match: with the best tool and contacts {robot.name} misses the contacts "
-        f"by {missed:.3g} m (median), expected less than {WORST_SHARE * reach(robot):.2g} m: is it "
+        f"by {missed:.3g} m (median), expected less than {WORST_SHARE * robot.reach:.2g} m: is it "
         f"another robot, are axes exchanged or are angles in another unit{of_partner}?",
         file=data.first_file)
 
@@ -346,7 +346,7 @@ def _warnings(robot: Robot, declared: DeclaredClosures, data: Dataset):
     if scale_is_known(fit.layout, data):
         yield from size_doubts(fit.layout, fit.fit, declared.pulls.drawing)
         if np.sum(device_of(data) == TRACKER) < _SHOWS_LENGTHS:
-            yield from scale_doubt(fit.layout, declared.told, declared.pulls.drawing, reach(robot))
+            yield from scale_doubt(fit.layout, declared.told, declared.pulls.drawing, robot.reach)
     else:
         yield SCALE
     if gravity_alone(data):

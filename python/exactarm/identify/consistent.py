@@ -24,7 +24,7 @@ from exactarm.chain import Layout, MotionRecord, predict_motion
 from exactarm.effects.base import Effect
 from exactarm.effects.declared_rotor import DeclaredRotor
 from exactarm.effects.link_inertia import LinkInertia
-from exactarm.identify.layout_fit import priors_of
+from exactarm.identify.layout_fit import pulls_of
 from exactarm.identify.motion_fit import MotionFit
 from exactarm.identify.prior_bodies import declares_bodies, prior_bodies
 from exactarm.numerics.factors import lstsq
@@ -148,9 +148,7 @@ def _minimised(triangle: np.ndarray, blocks: list[_Block], layout: Layout,
     for block in blocks:
         low[block.where], high[block.where] = -np.inf, np.inf
     z = np.clip(z, low, high)
-    middle, spread = priors_of(layout)
-    drawn = np.flatnonzero(np.isfinite(spread))
-    pull = np.eye(layout.size)[drawn] / spread[drawn, None]
+    pull, middle = pulls_of(layout)
     A, right = np.vstack([triangle[:, :-1], pull]), np.concatenate([triangle[:, -1], pull @ middle])
     ahead, centre, factor = _FIRST_WEIGHT * WEIGHT, np.inf, _LOWERED
     while True:

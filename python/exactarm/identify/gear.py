@@ -178,13 +178,10 @@ def _gear(estimate: GearEstimate, side: str, errors: Errors) -> Gear:
     rows = samples.side(SIDES[side])
     sets = {"identification": rows & samples.identification, "validation": rows & ~samples.identification}
     summary = lambda error: {name: summarise(np.abs(error[mask])) for name, mask in sets.items()}
+    cutoff = float(np.median([cutoff_hz(samples, rows) for rows in samples.runs])) if samples.rated else None
     return Gear(samples.axis + 1, side, estimate, estimate.gear_table(side), errors.before, after,
                 summary(errors.before), summary(after), summary(errors.declared), summary(errors.rest),
-                summary(errors.unfiltered), errors.noise, _cutoff(samples) if samples.rated else None)
-
-
-def _cutoff(samples: GearSamples) -> float:
-    return float(np.median([cutoff_hz(samples, rows) for rows in samples.runs]))
+                summary(errors.unfiltered), errors.noise, cutoff)
 
 
 def _held_out(estimate: GearEstimate, errors: Errors) -> list[HeldOut]:

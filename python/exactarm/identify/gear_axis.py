@@ -165,7 +165,7 @@ def _profiles(samples, fitted, ratio: Ratio) -> dict[str, AngleProfile]:
     sides = {side: fast_rows(samples, fitted & samples.side(way)) for side, way in SIDES.items()}
     sides = {side: rows for side, rows in sides.items()
              if rows.sum() >= _LEAST_CELLS and np.ptp(samples.angle[rows]) > 0}
-    return {side: angle_profile(samples, rows, SIDES[side], highest_order(samples), ratio.scale, beside)
+    return {side: angle_profile(samples, rows, highest_order(samples), ratio.scale, beside)
             for side, rows in sides.items()}
 
 

@@ -25,10 +25,10 @@ SIDES = {"cw": -1.0, "ccw": 1.0}
 def declared_gear_layout(robot: Robot, data: Dataset, record: GearRecord) -> Layout:
     """Harmonics, sensor, and the effects on file."""
     sensor, carried = sensor_layout(robot, data, record), carried_layout(robot, data, GEAR_RUN.name)
-    return harmonics_layout(robot, data, record).joined(sensor).joined(carried)
+    return harmonics_layout(robot, record).joined(sensor).joined(carried)
 
 
-def harmonics_layout(robot: Robot, data: Dataset, record: GearRecord) -> Layout:
+def harmonics_layout(robot: Robot, record: GearRecord) -> Layout:
     """The tables of the moving axes, each in the directions in which the axis moves in these data."""
     effects = []
     for axis in measured_axes(record):

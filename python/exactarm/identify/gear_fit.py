@@ -29,10 +29,6 @@ class GearFit:
     sigma: np.ndarray
     prediction: GearRunPrediction
 
-    def predict(self, data: Dataset, record: GearRecord | None = None, threads: int = 1) -> GearRunPrediction:
-        """Prediction of any rows, without tangents."""
-        return predict_gear_run(self.robot, self.layout, data, record=record, tangents=False, threads=threads)
-
 
 def fit_gear_runs(robot: Robot, layout: Layout, data: Dataset, *, record: GearRecord | None = None,
                   weights: np.ndarray | None = None, drift: DriftingNoise | None = None,

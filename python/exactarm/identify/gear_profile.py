@@ -28,13 +28,11 @@ class AngleProfile:
     sums over cells are sums over samples; `place` (M,) numbers the cells on the uniform grid.
     """
 
-    way: float
     angle: np.ndarray
     value: np.ndarray
     weight: np.ndarray
     place: np.ndarray
     step: float
-    samples: int
     rated: bool
 
     @property
@@ -73,8 +71,7 @@ class AngleProfile:
         return orders, size if self.rated else size * orders
 
 
-def angle_profile(samples, chosen: np.ndarray, way: float, highest: float, scale: float,
-                  disturbance: np.ndarray):
+def angle_profile(samples, chosen: np.ndarray, highest: float, scale: float, disturbance: np.ndarray):
     """Profile of the chosen rows; scale: true ratio over declared one; disturbance (N,): what to take out of
     the output."""
     chosen = fast_rows(samples, chosen)
@@ -93,7 +90,7 @@ def angle_profile(samples, chosen: np.ndarray, way: float, highest: float, scale
         weight = count[full].astype(float)
         value = fold(angle - output)[full] / weight
     centre = fold(angle)[full] / count[full]
-    return AngleProfile(way, centre, value, weight, full, step, int(chosen.sum()), samples.rated)
+    return AngleProfile(centre, value, weight, full, step, samples.rated)
 
 
 def fast_rows(samples, chosen: np.ndarray) -> np.ndarray:

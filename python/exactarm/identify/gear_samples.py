@@ -160,17 +160,13 @@ def _beside(plain, data, rows, axis, setup, carried: Layout, threads: int) -> np
 def _encoder_disturbances(data, record, rows, axis, rate):
     """Offsets of the runs, delay, wind-up under the measured torque, and the friction by which the output
     stays behind."""
-    runs = np.unique(data.run[rows])
-    columns = [(data.run[rows] == run).astype(float) for run in runs]
-    names = [f"offset of run {run}" for run in runs]
-    columns.append(-rate)
-    names.append("delay")
+    columns = {f"offset of run {run}": (data.run[rows] == run).astype(float)
+               for run in np.unique(data.run[rows])}
+    columns["delay"] = -rate
     for name in ("tau", "tau_motor"):
         torque = data.joints.get(name)
         if torque is not None and np.all(np.isfinite(torque[rows, axis])):
-            columns.append(-torque[rows, axis])
-            names.append("wind-up")
+            columns["wind-up"] = -torque[rows, axis]
             break
-    columns.append(-record.direction[rows, axis])
-    names.append("friction")
-    return np.stack(columns, axis=1), tuple(names)
+    columns["friction"] = -record.direction[rows, axis]
+    return np.stack([*columns.values()], axis=1), tuple(columns)

@@ -18,7 +18,6 @@ from exactarm.chain import Layout
 from exactarm.data.dataset import Dataset
 from exactarm.data.fixture import SIGMA_M, Fixture
 from exactarm.identify.closure_fit import ClosureFit, Pulls, fit_closures
-from exactarm.identify.reach import reach
 from exactarm.measurement.contacts import Bar
 from exactarm.measurement.known_lengths import known_lengths
 from exactarm.measurement.partner import NAME as PARTNER
@@ -63,7 +62,7 @@ def length_doubts(fit: ClosureFit, data: Dataset, pulls: Pulls, threads: int = 1
         doubts = np.abs(off) / deviation
         for k in np.argsort(-doubts, kind="stable"):
             sort, words, _, known, *_ = found[k]
-            if doubts[k] > least and sort not in lines and known - off[k] < 2.0 * reach(fit.robot):
+            if doubts[k] > least and sort not in lines and known - off[k] < 2.0 * fit.robot.reach:
                 enough = _AS_GOOD * doubts[k] if by_others else least
                 same = [found[i][1] for i in np.flatnonzero(doubts > enough)
                         if i != k and found[i][0] == sort]

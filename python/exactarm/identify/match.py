@@ -12,7 +12,6 @@ from exactarm.data.dataset import Dataset
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
 from exactarm.identify.frames import FoundFrames
-from exactarm.identify.reach import reach
 from exactarm.robot.axes_in_words import axes_in_words
 from exactarm.robot.robot import Robot
 
@@ -39,9 +38,9 @@ def require_match(robot: Robot, data: Dataset, found: list[tuple[int, FoundFrame
                   seed: int = DEFAULT_SEED) -> None:
     """Raises Mismatch where the robot cannot have moved the target so; `found`: frames by session."""
     for session, frames in found:
-        if frames.rms > WORST_SHARE * reach(robot):
+        if frames.rms > WORST_SHARE * robot.reach:
             refusal = (
                 f"robot and data do not match: with the best base and tool of session {session}, "
                 f"{robot.name} misses the measured points by {frames.rms:.3g} m (RMS), expected less than "
-                f"{WORST_SHARE * reach(robot):.2g} m")
+                f"{WORST_SHARE * robot.reach:.2g} m")
             raise Mismatch(refusal, robot, data.select(data.session == session), carried, seed)

@@ -32,9 +32,9 @@ _FALSE_ALARM = 1e-4  # of one data set
 _MOST_TONES = 4
 _REST_RATE = 1e-4  # of the fastest motor rate of the file: encoders at rest change by less
 _REST_S, _SETTLED_S = 0.2, 0.1  # the shortest rest, and how long an arm swings after it stops
-_DRIFT_PERIODS = 2.0  # in the longest rest: what is slower is the sensor's drift
+DRIFT_PERIODS = 2.0  # in the longest rest or run: what is slower is the sensor's drift
 _NEIGHBOURS = 10  # resolved bins on one side that tell the background
-_PADDED = 4  # times the longest rest
+PADDED = 4  # times the longest rest or run
 _WIDTH_S = 0.3
 _MAINS_HZ, _OVERTONES = (50.0, 60.0), (1, 2, 3)  # iron hums at twice the frequency, rectifiers at odd ones
 _MAINS_OFF_HZ = 0.2  # by which they wander in normal operation (EN 50160: 1 % in nearly all of the time)
@@ -67,13 +67,13 @@ def find_tones(data: Dataset) -> tuple[Tone, ...]:
     step = float(np.median([typical_step(data.time[rows]) for rows in rests]))
     longest = max(rows.size for rows in rests)
     rests = [rows for rows in rests if 2 * rows.size >= longest]  # shorter ones only blur
-    size = fft.next_fast_len(_PADDED * longest)
+    size = fft.next_fast_len(PADDED * longest)
     frequency = fft.rfftfreq(size, step)
     power = sum(np.abs(fft.rfft(_straightened(data.gyro[rows]), size, axis=0)) ** 2 / rows.size
                 for rows in rests)
     resolved = size // min(rows.size for rows in rests)  # bins that the shortest rest blurs
     highest = 0.5 / step - resolved / (size * step)
-    usable = (frequency > _DRIFT_PERIODS / (longest * step)) & (frequency < highest)
+    usable = (frequency > DRIFT_PERIODS / (longest * step)) & (frequency < highest)
     frequency, power = frequency[usable], power[usable]
     width, apart = _NEIGHBOURS * resolved, (_NEIGHBOURS // 2 + 2) * resolved
     if frequency.size < 2 * (apart + width):
@@ -194,10 +194,6 @@ def _tone(data: Dataset, rests: list[np.ndarray], frequency: float) -> Tone:
     squares, count = np.zeros(data.gyro.shape[1]), 0
     for rows in rests:
         waves = np.stack([part(2.0 * np.pi * frequency * data.time[rows]) for part in (np.cos, np.sin)], 1)
-        found = lstsq(waves, _level(data.gyro[rows]), rcond=None)[0]
+        found = lstsq(waves, data.gyro[rows] - data.gyro[rows].mean(axis=0), rcond=None)[0]
         squares, count = squares + rows.size * np.sum(found**2, axis=0), count + rows.size
     return Tone(frequency, np.sqrt(squares / count))
-
-
-def _level(values: np.ndarray) -> np.ndarray:
-    return values - values.mean(axis=0)

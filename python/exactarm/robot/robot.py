@@ -227,6 +227,13 @@ class Robot(Value):
     def axes(self) -> int:
         return len(self.joints)
 
+    @property
+    def reach(self) -> float:
+        """Length of the stretched arm: sum_i sqrt(a_i^2 + d_i^2), with the stroke of sliding axes; m."""
+        strokes = [abs(bound or 0.0) for joint in self.joints if joint.type == "prismatic"
+                   for bound in (joint.q_min, joint.q_max)]
+        return float(sum(np.hypot(joint.a, joint.d) for joint in self.joints) + sum(strokes))
+
     def __repr__(self) -> str:
         """What a person wants to see of it; the robot file has all numbers."""
         told = [f"{self.axes} axes", "" if self.has_geometry else "geometry not known",

@@ -24,7 +24,6 @@ from exactarm.identify.frames import procrustes
 from exactarm.identify.match import WORST_SHARE, require_match
 from exactarm.identify.planned import controller_angles
 from exactarm.identify.pose_fit import PoseFit, fit_poses
-from exactarm.identify.reach import reach
 from exactarm.numerics.factors import svd
 from exactarm.robot.robot import Robot
 from exactarm.verify.candidates import base_of, candidates, model_error, rigid
@@ -89,7 +88,7 @@ def daily(
     hypotheses = candidates(robot, fit, rows, level, error)
     mistakes: list[str] = []
     seen = []
-    most = WORST_SHARE * reach(robot)
+    most = WORST_SHARE * robot.reach
     for label, data, cell in zip(labels, measured, cells, strict=True):
         expected = data.position - fit.residual(replace(data, session=np.full(len(data), before.session[0])))
         mistakes.append(day_mistake(label, expected, data.position, most))

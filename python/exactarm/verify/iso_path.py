@@ -28,7 +28,6 @@ from exactarm.errors import InputError
 from exactarm.first_aid.suspicion import FALL
 from exactarm.identify.frames import procrustes
 from exactarm.identify.match import WORST_SHARE
-from exactarm.identify.reach import reach
 from exactarm.robot.robot import Robot
 from exactarm.verify.day_mistakes import day_mistake
 from exactarm.verify.held_out import Judged
@@ -120,7 +119,7 @@ def _beside(robot: Robot, rows: Dataset, expected: np.ndarray, largest: float) -
     """m that a run lies off as one body; `largest`: error of the judged poses, m. Refuses a run that lies
     where no calibrated arm misses its path."""
     assert rows.position is not None  # of a tracked motion
-    most = WORST_SHARE * reach(robot)
+    most = WORST_SHARE * robot.reach
     away = float(np.sqrt(np.mean(np.sum((rows.position - expected) ** 2, axis=1))))
     if away > most:
         run = f"run {rows.run[0]}"
