@@ -7,8 +7,10 @@ Sign: a positive size lags, as friction makes it: an axis that came upwards (app
 stands at a smaller angle than its motor says. A negative size runs ahead, which no friction does: look for
 approach columns of the other sign.
 
-Static poses: m = the approach direction. With `by_rows` and no approach column it is that of a pose which was
-reached straight from the one of the row before: an assumption, which the description says.
+Static poses: m = the approach direction, and friction that grows with the load of the joint, as that of
+gears does, adds per_load |torque| to the size where the data ask for it. With `by_rows` and no approach
+column m is that of a pose which was reached straight from the one of the row before: an assumption, which the
+description says.
 
 Time series: m is the stop operator of the output motion with the given reach (a spring in series with dry
 friction: Maxwell-slip element, Al-Bender et al. 2005), m = +-1 after a motion of twice the reach. The motion
@@ -29,10 +31,12 @@ _REACHES_RAD = (3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1)
 
 @dataclass(frozen=True)
 class Hysteresis(Effect):
-    """values: half the width of the loop at the output, and in time series the reach of the memory."""
+    """values: half the width of the loop at the output, then in time series the reach of the memory, or of
+    poses, `loaded`, what every Nm of load adds to it."""
 
     search: tuple[float, ...] = ()
     by_rows: bool = False
+    loaded: bool = False
 
     name = "hysteresis"
     plain = "lost motion (the angle lags by the side from which it comes)"
@@ -45,13 +49,15 @@ class Hysteresis(Effect):
 
     def parameters(self) -> tuple[Parameter, ...]:
         size = Parameter("size_rad", 2e-4, -1e-2, 1e-2)
+        if self.loaded:
+            return (size, Parameter("per_load_rad_per_Nm", 1e-6, 0.0, of_first=1.0))
         if len(self.values) == 1:
             return (size,)
         return (size, Parameter("reach_rad", 1e-3, 1e-6, 1.0, search=self.search))
 
     @property
     def runs_ahead(self) -> bool:
-        return bool(self.values) and self.values[0] < 0.0
+        return bool(self.values) and self.values[0] < 0.0 and not self.loaded
 
     @property
     def compensable(self) -> bool:  # type: ignore[override]
@@ -71,20 +77,31 @@ class Hysteresis(Effect):
 
     def describe(self) -> str:
         assumed = ", if every pose was reached straight from that of the row before" if self.by_rows else ""
-        return super().describe() + assumed
+        more = f", and {self.values[1]:.3g} rad more for every Nm of its load" if self.loaded else ""
+        return super().describe() + more + assumed
+
+    def per_guessed_load(self, view):
+        guessed = self.loaded and view.guessed_load(self.index)
+        return np.array([0, 1]) if guessed else np.zeros(len(self.values))
 
     def to_table(self):
         return super().to_table() | ({"by_rows": 1} if self.by_rows else {})
 
     def change(self, view) -> Change:
         derivative = np.zeros((view.rows, 1, len(self.values)))
-        if len(self.values) == 1 or not view.is_series:
-            memory = (view.way if self.by_rows else view.direction)[:, self.index]
-        else:
+        if view.is_series and len(self.values) > 1 and not self.loaded:
             memory, by_reach = self._memory(view)
             derivative[:, 0, 1] = -self.values[0] * by_reach
+        else:
+            memory = (view.way if self.by_rows else view.direction)[:, self.index]
         derivative[:, 0, 0] = -memory
-        return Change((self.index,), (-self.values[0] * memory)[:, None], derivative)
+        if not self.loaded:
+            return Change((self.index,), (-self.values[0] * memory)[:, None], derivative)
+        torque = view.torque[:, self.index]
+        derivative[:, 0, 1] = -np.abs(torque) * memory
+        by_torque = self.by_own_entry(view, -self.values[1] * np.sign(torque) * memory)
+        value = -(self.values[0] + self.values[1] * np.abs(torque)) * memory
+        return Change((self.index,), value[:, None], derivative, {"torque": by_torque})
 
     def _memory(self, view) -> tuple[np.ndarray, np.ndarray]:
         """m (N,) of every run and its derivative by the reach."""
@@ -96,17 +113,18 @@ class Hysteresis(Effect):
 
     @classmethod
     def from_table(cls, table) -> Effect:
-        values = [table["size_rad"]] + ([table["reach_rad"]] if "reach_rad" in table else [])
-        by_rows = bool(table.get("by_rows", 0))
-        return cls(table["joint"], tuple(float(value) for value in values), by_rows=by_rows)
+        more = [name for name in ("reach_rad", "per_load_rad_per_Nm") if name in table]
+        return cls(table["joint"], tuple(float(table[name]) for name in ("size_rad", *more)),
+                   by_rows=bool(table.get("by_rows", 0)), loaded="per_load_rad_per_Nm" in more)
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
         for index in np.flatnonzero(view.moving):
-            if np.ptp(view.direction[:, index]) > 0:
-                yield cls(int(index) + 1, (0.0,))
-            elif np.ptp(view.way[:, index]) > 0:
-                yield cls(int(index) + 1, (0.0,), by_rows=True)
+            by_rows = np.ptp(view.direction[:, index]) == 0
+            if np.ptp(view.way[:, index]) > 0:
+                yield cls(int(index) + 1, (0.0,), by_rows=by_rows)
+                if not view.is_series and (view.has_masses or view.measured_loads[index]):
+                    yield cls(int(index) + 1, (0.0, 0.0), by_rows=by_rows, loaded=True)
             if view.is_series:
                 # A drive torque shows what turns the joint by its rates: the shape of the memory is nearly
                 # lost.
