@@ -101,3 +101,18 @@ def test_right_rows_are_not_suspected_in_any_order(arm):
     angles = data.joints.get("q", data.joints.get("theta"))
     for key in (np.arange(len(data)), angles[:, 0], angles[:, 1], data.position[:, 2]):
         assert first_aid(robot, data.select(np.argsort(key))) == ()
+
+
+def test_rows_too_many_for_single_errors_and_too_few_for_frames_of_their_own_are_named(ur10):  # noqa: F811
+    """Seven of 120 rows have the angles of another one: "is it another robot?" was asked. Any seed: of 0
+    to 7 all name the seven."""
+    robot, data = ur10
+    random = np.random.default_rng(0)
+    data = data.select(random.choice(len(data), 120, replace=False))
+    wrong = np.sort(random.choice(np.arange(1, 120), 7, replace=False))
+    q = data.joints["q"].copy()
+    q[wrong] = data.joints["q"][(wrong + 37) % 120]
+    told = " ".join(map(str, first_aid(robot, replace(data, joints=data.joints | {"q": q}))))
+    assert "with 7 gross errors, the largest of" in told
+    named = {data.place_of(row) for row in wrong}
+    assert sum(place in told for place in named) == 6 and "and 1 more" in told

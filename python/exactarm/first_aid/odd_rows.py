@@ -19,7 +19,7 @@ from exactarm.data.dataset import Dataset
 from exactarm.first_aid.linear_frames import frames_of_stack, linear_frames
 from exactarm.first_aid.misfit import flanges
 from exactarm.first_aid.pose_candidates import Candidate, candidates, turned, with_angles
-from exactarm.first_aid.pose_mistakes import LEAST_ROWS, spread
+from exactarm.first_aid.pose_mistakes import LEAST_ROWS, gross_in_words, spread
 from exactarm.first_aid.suspicion import FALL, Suspicion, in_order
 from exactarm.identify.frames import find_frames
 from exactarm.robot.robot import Placement, Robot
@@ -93,12 +93,15 @@ def _of_session(bare: Robot, carried: Layout, whole: Dataset, rows: np.ndarray, 
     left = frames.left(points, rotations, np.stack([changed.position[odd] for _, changed in tried]))
     gains = [(words, fall(each)) for (words, _), each in zip(tried, left)]
     found = [Suspicion(f"{words} {place}", gain) for words, gain in gains if gain >= FALL]
-    if found or odd.sum() < LEAST_ROWS:
+    alone = fall(np.zeros(0))
+    if found:
         return found
+    if odd.sum() < LEAST_ROWS:  # too few for frames of their own, more than single rows
+        gross = odd & (error > FALL * _rms(good))
+        return [Suspicion(gross_in_words(whole, rows[gross], error[gross]), alone)] if alone >= FALL else []
     own = _Frames.of(*(values[odd] for values in given)).left(*(values[odd] for values in given))
     if fall(own) >= FALL:
         return [Suspicion(f"another tool, target or device frame {place} (two sessions)", fall(own))]
-    alone = fall(np.zeros(0))
     if alone >= FALL and _rms(own) > _APART * bare.reach and len(part) > _GROSS_SHARE * len(data):
         return [Suspicion(f"other angles {place} (positions of other poses, or of another file?)", alone)]
     return []

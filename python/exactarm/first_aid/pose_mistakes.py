@@ -63,6 +63,7 @@ _SPLITS = 15  # of a session's rows, at even distances
 _MOST_GROSS = 0.05  # share of rows that may be wrong by themselves
 _GROSS = 10.0  # times the median error of a row
 _ON_ITS_PLACE_M = 1e-6  # a turntable's flange: its points show neither unit nor base
+_MOST_NAMED = 5  # rows, beside the worst
 _MOST_CHECKED = 20000  # rows, evenly spread, that are looked through for gross errors
 
 
@@ -300,9 +301,18 @@ def _gross_rows(bare: Robot, carried: Layout, data: Dataset) -> Iterator[Suspici
     rms = lambda values: float(np.sqrt(np.mean(values**2)))
     fall = rms(error) / max(rms(np.delete(error, gross)), 1e-12)
     if fall >= FALL:
-        at = gross[np.argmax(error[gross])]
-        count = f"{gross.size} gross errors, the largest" if gross.size > 1 else "a gross error"
-        yield Suspicion(f"{count} of {error[at]:.3g} m in {data.place_of(at)}", fall)
+        yield Suspicion(gross_in_words(data, gross, error[gross]), fall)
+
+
+def gross_in_words(data: Dataset, rows: np.ndarray, error: np.ndarray) -> str:
+    """A few rows and what they err by, m: the largest first, the others by their rows."""
+    first, *others = rows[np.argsort(-error, kind="stable")]
+    told = f"of {error.max():.3g} m in {data.place_of(first)}"
+    if not others:
+        return f"a gross error {told}"
+    named = ", ".join(data.place_of(row) for row in sorted(others)[:_MOST_NAMED])
+    more = f" and {len(others) - _MOST_NAMED} more" if len(others) > _MOST_NAMED else ""
+    return f"{len(rows)} gross errors, the largest {told} (others in {named}{more})"
 
 
 def _left(points, rotations, measured, base: np.ndarray, good: np.ndarray) -> np.ndarray:
