@@ -57,6 +57,17 @@ def test_a_diagnosis_asks_the_same():
     assert ASKED in line and "(0, -9.81, 0)" in line
 
 
+@pytest.mark.parametrize("joint, spring, asked", [(2, True, True), (2, False, False), (1, True, False)])
+def test_a_slow_curve_of_an_axis_that_bears_weight_and_gives_way_may_be_a_balancer(joint, spring, asked):
+    """They stood as run-outs of axis 2, for certain. Any seed: it is said whatever the sizes are."""
+    robot, data = poses(FLOOR)
+    problem = problem_for(robot, data, data.select(np.zeros(80, bool)), 1, 0)
+    effects = (GearEccentricity(joint, (1e-4, 0.0, 0.0, 0.0)), *((SPRINGS[0],) if spring else ()))
+    rigid = problem.declared().without({f"joint_compliance_{axis}.linear_rad_per_Nm" for axis in range(1, 7)})
+    told = problem.doubts(problem.fit(rigid.joined(Layout.of(effects))))
+    assert any(f"a balancer (a spring that carries weight of axis {joint})" in line for line in told) == asked
+
+
 def test_a_spring_without_a_linear_term_does_not_push():
     robot, none = six_axis(), np.zeros(2)
     assert JointCompliance(2, (0.0, 1e-12)).possible(robot, none)

@@ -38,6 +38,7 @@ from exactarm.diagnose.standing import Dropped, Judged
 from exactarm.diagnose.unknown_axes import UnknownAxes, supported_axes, unknown_axes
 from exactarm.diagnose.verdict import (
     UNEXPLAINED,
+    farther_out,
     held_out_excess,
     judged_of,
     more_left_out,
@@ -214,7 +215,9 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     undecided = selection.undecided
     wrong = (last.weight == 0.0) & (first.weight > 0.0)  # rows that an effect of the record leaves out
     more = more_left_out(int(wrong.sum()), len(wrong), int(np.sum(~between)), len(problem.held_out))
-    if unconverged or refuted or worse or waves or undecided or gain < AGAINST or more:
+    beyond_fitted = problem.by_posterior and findings and farther_out(
+        errors[-1], problem.error_of_unit_noise(last))
+    if unconverged or refuted or worse or waves or undecided or gain < AGAINST or more or beyond_fitted:
         verdict = UNEXPLAINED
     of_what_is_left, verdict = verdict, UNEXPLAINED if preferred else verdict
     drafts = ()

@@ -3,6 +3,7 @@ once."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
@@ -33,6 +34,9 @@ from exactarm.identify.pose_fit import PoseFit, fit_poses
 from exactarm.identify.springs_left import mounted_otherwise
 from exactarm.robot.robot import Robot
 
+_SLOW = 2.0  # cycles per turn of what a crank does to the load of its axis, and its first overtone
+_LOADED = 0.01  # of the load of the axis that bears most (RMS): less is no weight
+
 
 class PoseProblem(ProblemAtRest):
     """`orientation` residuals are used where every row has them."""
@@ -57,7 +61,21 @@ class PoseProblem(ProblemAtRest):
         return self.calibrated.layout
 
     def doubts(self, fitted: Fitted) -> tuple[str, ...]:
-        return tuple(mounted_otherwise(self.calibrated))
+        return *mounted_otherwise(self.calibrated), *self._like_balancers(fitted)
+
+    def _like_balancers(self, fitted: Fitted) -> Iterator[str]:
+        """Slow curves of axes that bear weight and give way: a spring that carries some of it, and so bends
+        the drive less, makes the same curve of its axis."""
+        found = fitted.layout.effects[len(self.calibrated.layout.effects) :]
+        springs = {effect.joint for effect in fitted.layout.effects if effect.gives_way}
+        loads = np.sqrt(np.mean(fitted.view.torque**2, axis=0))
+        for effect in found:
+            orders = [order for order, _ in effect.orders()]
+            if not orders or max(orders) > _SLOW or loads[effect.index] < _LOADED * loads.max():
+                continue
+            if effect.joint in springs or self.robot.joints[effect.index].spring_linear:
+                yield (f"a balancer (a spring that carries weight of axis {effect.joint}) does the same in "
+                       f"poses as {effect.title}: a log of drive torques tells which of them it is")
 
     @cached_property
     def _rounding(self) -> np.ndarray | None:

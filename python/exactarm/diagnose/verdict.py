@@ -146,6 +146,22 @@ def more_left_out(fitted: int, fitted_rows: int, held: int, held_rows: int) -> b
     return bool(np.sum(ways[k >= held]) < DOUBT)
 
 
+def farther_out(errors: dict[str, np.ndarray], unit: float) -> bool:
+    """Whether more of the held-out rows, beyond chance, err farther than any fitted row: of rows that are all
+    alike the k worst are all held out with
+
+        p = C(held, k) / C(all, k)
+
+    A fit follows its own rows: theirs are lessened by as much as in `held_out_excess`. Jumps that a smooth
+    curve passes over show in some rows alone, whose square sum a few good rows outweigh."""
+    held, fitted = (np.abs(values[np.isfinite(values)])
+                    for values in (errors["validation"], errors["identification"]))
+    if not held.size or not fitted.size:
+        return False
+    k = np.array(np.count_nonzero(held > fitted.max() * max(1.0, unit / max(rms_of(fitted), 1e-300)) ** 2))
+    return bool(np.exp(_log_ways(held.size, k) - _log_ways(held.size + fitted.size, k)) < DOUBT)
+
+
 def _log_ways(rows: int, chosen: np.ndarray) -> np.ndarray:
     """Of so many rows to choose so many."""
     return special.gammaln(rows + 1) - special.gammaln(chosen + 1) - special.gammaln(rows - chosen + 1)
