@@ -13,7 +13,7 @@ from exactarm.diagnose.fitted import Fitted
 from exactarm.effects.base import Effect
 from exactarm.effects.change import sizes_beside_first
 from exactarm.identify.load_doubt import left_open
-from exactarm.robot.generic_masses import with_unknown_load
+from exactarm.robot.generic_masses import spread_of_load, with_unknown_load
 
 
 def intervals_of(effect: Effect, last: Fitted, where: slice, free: np.ndarray) -> np.ndarray:
@@ -25,8 +25,8 @@ def intervals_of(effect: Effect, last: Fitted, where: slice, free: np.ndarray) -
         intervals[names.index(name)] = between
     powers = np.where(free, effect.per_guessed_load(last.view), 0)
     for k in np.flatnonzero(powers):
-        weighed = bool(last.robot.mass) or bool(last.view.measured_loads.any())
-        intervals[k] = with_unknown_load(weighed, effect.values[k], *intervals[k], int(powers[k]))
+        spread = spread_of_load(last.robot, bool(last.view.measured_loads.any()))
+        intervals[k] = with_unknown_load(spread, effect.values[k], *intervals[k], int(powers[k]))
     if effect.per_load and effect.joint is not None and last.view.measured_loads[effect.index]:
         for column, k in enumerate(np.flatnonzero(free), start=where.start):
             wider = _wider_by_load(last, effect, column, k, np.ptp(intervals[k]) / 2.0)

@@ -7,8 +7,9 @@
                            far less than the model errs, waves in time stand out of its noise (gear runs), it
                            changes slowly along a tracked path,
                            held-out rows speak against the effects found (held_out_evidence.py), unless
-                           by all rows there may well be no cause: then nothing was found; or they are left
-                           out as wrong more often than fitted ones
+                           by all rows there may well be no cause: then nothing was found; they are left out
+                           as wrong more often than fitted ones, or, of poses, more of them than chance makes
+                           err farther than all fitted ones
 """
 
 from __future__ import annotations

@@ -5,8 +5,9 @@
 
 l_i: length of the tube, L_i: what is left of the arm from joint i on (m), all sliding axes at zero. A beam
 whose section falls linearly towards the flange, and drives by the load behind them. Then all is scaled to
-the total mass: that of the robot file (`mass_kg`), else 9 kg/m^3 L_1^3: like arms weigh as the cube of
-their size (links as published: Puma 560 7, UR10 6, Racer 7-1.4 18; the geometric mean is 9).
+the total mass: of that of the whole arm in the robot file (`mass_kg`) what does not stand still as base and
+column, else 9 kg/m^3 L_1^3: like arms weigh as the cube of their size (links as published: Puma 560 7, UR10
+6, Racer 7-1.4 18; the geometric mean is 9).
 Gravity at axes 2 and 3 of these three arms, as one number times this law: 1 to 15 % RMS off; beside a mass
 at the flange, 1 to 8 % (tests/python/test_generic_masses.py). Point masses: no inertia, so good for arms at
 rest.
@@ -21,9 +22,12 @@ from exactarm.robot.robot import Link, Placement, Robot
 
 KG_PER_CUBIC_METRE = 9.0  # of the cube of the arm's length
 DRIVE_SHARE = 0.2  # of a drive's mass to that of a tube: 0.1 to 0.3 are alike on the three arms
-# standard deviation of the logarithm of a load by this law: of kg/m^3 of the three arms (7, 6, 18), and what
-# the shape leaves where the mass of the whole arm is known
-SPREAD, SPREAD_OF_SHAPE = 0.6, 0.15
+# of the mass of a whole arm, in its links: base and column, which nothing carries, are taken for 10 to 50 %
+MOVING_SHARE = 0.7
+# standard deviation of the logarithm of a load by this law: of kg/m^3 of the three arms (7, 6, 18); where the
+# mass of the whole arm is known, 0.25 of the three arms by the mass of their links and 0.2 of what stands
+# still; and what the shape leaves where a torque is known
+SPREAD, SPREAD_BY_MASS, SPREAD_OF_SHAPE = 0.6, 0.32, 0.15
 # of the first moments of links, standard deviation: 0.26 RMS on the three arms, of what one number and a mass
 # at the flange leave
 DISTRIBUTION = 0.25
@@ -31,7 +35,8 @@ _TWO_SIDED = 1.96  # standard deviations, 95 %
 
 
 def generic_links(robot: Robot, mass: float | None = None) -> tuple[Link, ...] | None:
-    """Links of `mass` kg in all (default: the robot's own, else by its size); None without lengths."""
+    """Links of `mass` kg in all (default: by that of the whole arm, else by its size); None without
+    lengths."""
     steps = _steps(robot) if robot.has_geometry else np.zeros((robot.axes, 3))
     length = np.linalg.norm(steps, axis=1)
     left = np.append(np.cumsum(length[::-1])[::-1], 0.0)
@@ -40,7 +45,7 @@ def generic_links(robot: Robot, mass: float | None = None) -> tuple[Link, ...] |
     total = float(np.sum(tubes + drives))
     if total <= 0.0:
         return None
-    wanted = mass or robot.mass or KG_PER_CUBIC_METRE * left[0] ** 3
+    wanted = mass or MOVING_SHARE * (robot.mass or 0.0) or KG_PER_CUBIC_METRE * left[0] ** 3
     links = []
     for step, tube, drive in zip(steps, tubes, drives):
         own = tube + drive
@@ -66,13 +71,18 @@ def with_generic_masses(robot: Robot, mass: float | None = None) -> Robot:
     return robot if links is None else replace(robot, links=links, generic_masses=True)
 
 
-def with_unknown_load(weighed: bool, value: float, low: float, high: float,
+def spread_of_load(robot: Robot, torque_known: bool) -> float:
+    """Standard deviation of the logarithm of a generic load."""
+    return SPREAD_OF_SHAPE if torque_known else SPREAD_BY_MASS if robot.mass else SPREAD
+
+
+def with_unknown_load(spread: float, value: float, low: float, high: float,
                       power: int = 1) -> tuple[float, float]:
-    """The 95 % interval of a size per Nm (to this power) of a generic load, from that for the load as it is
-    taken; weighed: the mass of the whole arm, or a torque, is known."""
-    doubt = _TWO_SIDED * power * (SPREAD_OF_SHAPE if weighed else SPREAD)
+    """The 95 % interval of a size per Nm (to this power) of a load that is known to `spread`, from that for
+    the load as it is taken."""
+    doubt = _TWO_SIDED * power * spread
     if value < 0.0:
-        low, high = with_unknown_load(weighed, -value, -high, -low, power)
+        low, high = with_unknown_load(spread, -value, -high, -low, power)
         return -high, -low
     if low <= 0.0:
         return low * float(np.exp(doubt)), high * float(np.exp(doubt))
