@@ -83,7 +83,7 @@ def test_the_total_is_that_of_the_robot_file_or_within_a_factor_of_three_of_real
     for robot in three_arms():
         declared = sum(link.mass for link in robot.links)
         assert 1.0 / 3.0 < sum(link.mass for link in generic_links(bare(robot))) / declared < 3.0
-        # of a whole arm: its base and column stand still
+        # of a whole arm: its base stands still
         known = replace(bare(robot), mass=40.0)
         assert sum(link.mass for link in generic_links(known)) == pytest.approx(40.0 * MOVING_SHARE)
         assert sum(link.mass for link in generic_links(known, 28.0)) == pytest.approx(28.0)
@@ -163,7 +163,7 @@ def test_the_size_of_a_load_is_as_unknown_as_arms_differ():
 
 def test_the_mass_of_an_arm_tells_a_load_no_better_than_arms_of_one_mass_differ():
     """Moments of axes 2 and 3 beside those of the law with the mass of the real links: 15 % were said, which
-    is what its shape leaves of a load whose size is fitted. Base and column are another fifth."""
+    is what its shape leaves of a load whose size is fitted. The base is another fifth. Any seed."""
     sizes = []
     for robot in three_arms():
         q = np.random.default_rng(0).uniform(-2.5, 2.5, (ROWS, robot.axes))

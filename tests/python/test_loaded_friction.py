@@ -42,6 +42,7 @@ def test_lost_motion_that_grows_with_the_load_is_named_so(masses):
     result = diagnose(arm if masses else replace(arm, links=None), data)
     (finding,) = result.findings
     assert result.verdict == EXPLAINED and finding.effect.label == "hysteresis_2" and finding.effect.loaded
+    assert masses or result.robot.links is not None  # the file keeps what the size is per Nm of
     low, high = finding.intervals[1]
     assert low < PER_LOAD < high and (not masses or high - low < 0.5 * PER_LOAD)
 
@@ -54,6 +55,7 @@ def test_lost_motion_of_one_width_keeps_its_form():
 
 
 def test_its_derivatives_by_size_and_by_the_load():
+    """Any seed."""
     arm, data = poses(1)
     lag = Hysteresis(AXIS, (SIZE_RAD, PER_LOAD), loaded=True)
     layout = Layout.of((lag, JointCompliance(AXIS, (4e-6, 0.0))))
@@ -66,3 +68,5 @@ def test_it_comes_back_from_a_file():
     effect = Hysteresis(AXIS, (SIZE_RAD, PER_LOAD), loaded=True)
     assert effect_from_table(effect.to_table()) == effect
     assert "more for every Nm of its load" in effect.describe() and not effect.runs_ahead
+    ahead = Hysteresis(AXIS, (-SIZE_RAD, PER_LOAD), loaded=True)
+    assert ahead.possible(None, np.array([SIZE_RAD, 0.0])) and not ahead.possible(None, np.zeros(2))

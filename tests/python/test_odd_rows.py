@@ -103,16 +103,20 @@ def test_right_rows_are_not_suspected_in_any_order(arm):
         assert first_aid(robot, data.select(np.argsort(key))) == ()
 
 
-def test_rows_too_many_for_single_errors_and_too_few_for_frames_of_their_own_are_named(ur10):  # noqa: F811
-    """Seven of 120 rows have the angles of another one: "is it another robot?" was asked. Any seed: of 0
-    to 7 all name the seven."""
+@pytest.mark.parametrize("count, seed", [(120, 0), pytest.param(1000, 1, marks=pytest.mark.slow)])
+def test_rows_too_many_for_single_errors_and_too_few_for_frames_of_their_own_are_named(
+        ur10, count, seed):  # noqa: F811
+    """They have the angles of another row: "is it another robot?" was asked. Of seeds 0 to 7 all name the
+    seven of 120; of 51 in 1,000, of which a quarter are looked at first, 1, 3, 4, 5 and 7 count all, the
+    others see more than a twentieth and tell other angles in so many per cent of the rows."""
     robot, data = ur10
-    random = np.random.default_rng(0)
-    data = data.select(random.choice(len(data), 120, replace=False))
-    wrong = np.sort(random.choice(np.arange(1, 120), 7, replace=False))
+    random = np.random.default_rng(seed)
+    data = data.select(random.choice(len(data), count, replace=False))
+    wrong = np.sort(random.choice(np.arange(1, count), 7 if count == 120 else 51, replace=False))
     q = data.joints["q"].copy()
-    q[wrong] = data.joints["q"][(wrong + 37) % 120]
+    q[wrong] = data.joints["q"][(wrong + 37) % count]
     told = " ".join(map(str, first_aid(robot, replace(data, joints=data.joints | {"q": q}))))
-    assert "with 7 gross errors, the largest of" in told
+    assert f"with {len(wrong)} gross errors, the largest of" in told
     named = {data.place_of(row) for row in wrong}
-    assert sum(place in told for place in named) == 6 and "and 1 more" in told
+    assert sum(f"{place}," in told or f"{place} " in told for place in named) == 6
+    assert f"and {len(wrong) - 6} more" in told

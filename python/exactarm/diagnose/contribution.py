@@ -32,7 +32,7 @@ from exactarm import _core
 from exactarm.chain import Layout
 from exactarm.chain.spring import declared_deflection
 from exactarm.data.kinds import kind_of
-from exactarm.diagnose.decisions import LEVELS
+from exactarm.diagnose.decisions import LEVELS, LOADED
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.signal import Direction, Quantity, Signal, place_of_axis
@@ -47,7 +47,6 @@ FOLLOWS = 0.9
 _HIGH_ORDER = 12.0  # cycles per output revolution: more waves than a plot over the whole turn can show
 _ROWS_A_WAVE = 4.0  # on the average: fewer, and a mean over the rows of a wave takes some of the wave
 _ENOUGH = 0.5  # of a value's variance, that a signal other than time explains, to be told over it
-_LOADED = 0.01  # of the largest torque (RMS): less does not count as load of an axis
 _POSTURES = 50  # of a run: levers change little between neighbours
 _SMALL_RAD = 1e-4  # a turn whose chord is its arc to 1e-9
 _MOST_POINTS = 3000  # of a picture
@@ -178,7 +177,7 @@ def _loaded_without_spring(fitted: Fitted, moved: np.ndarray) -> tuple[int, ...]
     """Axes (from 1) that the torques `moved` (N, m) of the measured axes load, and whose stiffness nobody
     knows."""
     size = np.sqrt(np.mean(moved**2, axis=0))
-    loaded = fitted.measured[size > _LOADED * size.max()]
+    loaded = fitted.measured[size > LOADED * size.max()]
     return tuple(int(i) + 1 for i in loaded if not fitted.robot.joints[i].spring_linear)
 
 

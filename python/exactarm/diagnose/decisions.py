@@ -14,8 +14,7 @@ UNLIKELY = 0.05  # one in twenty: how often a clean data set may be said to hold
 CREDIBLE = 1.0 - UNLIKELY  # of a set of causes that the data cannot part; of what new poses should tell
 DOUBT = 0.01  # of a rival that cannot be ruled out, and of a false alarm in a whole data set
 REMOTE = 1e-3  # probability of a structure that chance does not explain, and of a rival that is worth no fit
-# standard deviations between two explanations that nobody confuses any more; what lies beyond is no chance
-CLEAR = 4.0
+CLEAR = 4.0  # standard deviations between two explanations that nobody confuses any more
 SURE = 5.0  # standard deviations: one good number in two millions lies beyond
 CONFIRMED = 0.5  # share of the gain that the linear picture promises, which the fit must keep
 WIDE = 3.0  # times its plausible size, what a rival may be when experiments are chosen
@@ -25,6 +24,7 @@ INVISIBLE = 1e-3  # whitened length of a column at its plausible size, below whi
 RIDGE = 1e-10  # of a column's square sum: columns that depend on each other, or show nowhere, have no size
 ROUNDING = 1e-6  # of a number: what differs by less is the same, written or computed again
 RESPONDING = 1e-6  # of the strongest response, from which on a row, or a stretch of rows, responds at all
+LOADED = 0.01  # of the largest torque (RMS): less does not count as load of an axis
 FEW = 0.1  # of rows, or of groups of them, that may be wrong by themselves
 ENOUGH_GROUPS = 5  # of rows, for each coefficient: the scatter of fewer is no estimate
 LEVELS = 8  # different values of a signal: so few are taken each by itself; of more, as many bins are made

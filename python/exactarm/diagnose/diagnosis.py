@@ -16,7 +16,7 @@ from exactarm.data.split import DEFAULT_SEED
 from exactarm.diagnose.alternatives import Alternative, alternatives_of, preferred_elsewhere
 from exactarm.diagnose.confusion import next_experiments
 from exactarm.diagnose.contribution import Contribution, contributions
-from exactarm.diagnose.decisions import CLEAR, NAMED_AT
+from exactarm.diagnose.decisions import NAMED_AT
 from exactarm.diagnose.dossier import Dossier, dossier
 from exactarm.diagnose.draft import Draft, drafts_of
 from exactarm.diagnose.fitted import Fitted, rows_undecided
@@ -61,6 +61,8 @@ from exactarm.robot.robot import Robot
 DECLARED, SEARCHING, ALL_ROWS = "the declared model", "searching for causes", "fitting all rows"
 LEFT, NEXT, DRAFTING = "what is left", "the next experiment", "drafting what is left"
 STEPS = (DECLARED, SEARCHING, ALL_ROWS, LEFT, NEXT, DRAFTING)
+
+_SPREADS = 4.0  # a chance of few parameters: times the expected spread
 
 
 @dataclass(frozen=True)
@@ -190,7 +192,7 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     progress(NEXT)
     words, experiments = next_experiments(problem, last, findings, alternatives, selection.open_place)
     spread = problem.spread(last)
-    chance = CLEAR * spread
+    chance = _SPREADS * spread
     excess = held_out_excess(errors[-1], problem.error_of_unit_noise(last), chance)
     if causes is None:
         verdict = verdict_by_rules(problem, before, after, noise, left, bool(findings), spread, excess,
@@ -215,9 +217,9 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     undecided = selection.undecided
     wrong = (last.weight == 0.0) & (first.weight > 0.0)  # rows that an effect of the record leaves out
     more = more_left_out(int(wrong.sum()), len(wrong), int(np.sum(~between)), len(problem.held_out))
-    beyond_fitted = problem.by_posterior and findings and farther_out(
-        errors[-1], problem.error_of_unit_noise(last))
-    if unconverged or refuted or worse or waves or undecided or gain < AGAINST or more or beyond_fitted:
+    far = (farther_out(errors[-1], problem.poses, problem.error_of_unit_noise(last))
+           if problem.by_posterior and findings else 0)
+    if unconverged or refuted or worse or waves or undecided or gain < AGAINST or more or far:
         verdict = UNEXPLAINED
     of_what_is_left, verdict = verdict, UNEXPLAINED if preferred else verdict
     drafts = ()
@@ -229,6 +231,8 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
         if causes is None and (drafts or others):
             unknown = tuple(Structure(draft.effect.title) for draft in drafts) + others
             waves = problem.waves(drafted, noise.value if noise.measured else None)
+    unknown += (Structure(f"{far} of the poses that were not fitted err farther than all fitted ones"),
+                ) * bool(far)
     unknown += waves or (problem.shakes(last) if of_what_is_left == UNEXPLAINED else ())
     return Diagnosis(
         robot=kept_masses(_bound(problem.updated_robot(last), robot, data), robot),

@@ -21,7 +21,7 @@ from exactarm.data.kinds import POSES
 from exactarm.design.pose_space import Box, PoseSpace
 from exactarm.diagnose.cause_information import Field, Hypothesis, chosen_for
 from exactarm.diagnose.confusion import Place
-from exactarm.diagnose.decisions import CREDIBLE, DOUBT, WIDE
+from exactarm.diagnose.decisions import CREDIBLE, WIDE
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.scan import free_mask, linear_columns
 from exactarm.effects.base import Effect
@@ -34,6 +34,7 @@ MINUTES = MappingProxyType({"visit": 0.25, "payload": 5.0})
 _LISTED = 4  # poses in a sentence
 _CANDIDATES = 200
 _MOST_POSES = 24
+_LEAST = 0.01  # of what is open, for one more pose: thirty seconds that tell less are better spent otherwise
 _LITTLE = 0.3  # of what is open: below it an experiment does not part the causes
 _RIDGE = 1e-9  # of a column's square sum
 
@@ -101,8 +102,7 @@ def next_poses(robot: Robot, fitted: Fitted, places: Sequence[Place], seed: int)
     found = []
     for payload in (0.0, PAYLOAD_KG) if robot.links is not None else (0.0,):
         fields, rows = _seen(robot, fitted, states, q, payload)
-        # thirty seconds at one more pose that tell less than DOUBT of what is open are better spent otherwise
-        chosen, _ = chosen_for(fields, rows, _MOST_POSES, CREDIBLE, DOUBT)
+        chosen, _ = chosen_for(fields, rows, _MOST_POSES, CREDIBLE, _LEAST)
         unknown = sum(f.entropy for f in fields)
         for count in range(1, len(chosen) + 1):
             bits = _simulated(fields, rows, chosen[:count], seed)

@@ -11,6 +11,7 @@ import numpy as np
 from exactarm.chain import Layout, predict_poses
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import POSES
+from exactarm.diagnose.decisions import LOADED
 from exactarm.diagnose.fitted import Fitted, rows_judged
 from exactarm.diagnose.in_space import InSpace, errors_in_space
 from exactarm.diagnose.next_poses import next_poses, sentence_of
@@ -35,7 +36,6 @@ from exactarm.identify.springs_left import mounted_otherwise
 from exactarm.robot.robot import Robot
 
 _SLOW = 2.0  # cycles per turn of what a crank does to the load of its axis, and its first overtone
-_LOADED = 0.01  # of the load of the axis that bears most (RMS): less is no weight
 
 
 class PoseProblem(ProblemAtRest):
@@ -68,10 +68,11 @@ class PoseProblem(ProblemAtRest):
         the drive less, makes the same curve of its axis."""
         found = fitted.layout.effects[len(self.calibrated.layout.effects) :]
         springs = {effect.joint for effect in fitted.layout.effects if effect.gives_way}
-        loads = np.sqrt(np.mean(fitted.view.torque**2, axis=0))
+        turning = np.array([joint.type == "revolute" for joint in self.robot.joints])
+        loads = turning * np.sqrt(np.mean(fitted.view.torque**2, axis=0))
         for effect in found:
             orders = [order for order, _ in effect.orders()]
-            if not orders or max(orders) > _SLOW or loads[effect.index] < _LOADED * loads.max():
+            if not orders or max(orders) > _SLOW or loads[effect.index] <= LOADED * loads.max():
                 continue
             if effect.joint in springs or self.robot.joints[effect.index].spring_linear:
                 yield (f"a balancer (a spring that carries weight of axis {effect.joint}) does the same in "

@@ -90,6 +90,11 @@ class Problem(ABC):
     def groups(self) -> np.ndarray:
         """(N,) int: identification rows that must not be parted in a cross-validation."""
 
+    @property
+    def poses(self) -> dict[str, np.ndarray]:
+        """(N,) int, of both sets of rows: the pose that each row stands at, where rows are poses."""
+        return {}
+
     def order(self) -> np.ndarray | None:
         """(N,) places of the identification rows in the order in which they were measured, in typical
         distances between neighbours, sessions far apart; None where neighbours are dealt with otherwise."""

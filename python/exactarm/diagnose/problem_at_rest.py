@@ -63,6 +63,10 @@ class ProblemAtRest(Problem):
     def groups(self) -> np.ndarray:
         return self._groups
 
+    @property
+    def poses(self) -> dict[str, np.ndarray]:
+        return {"identification": self._groups, "validation": pose_groups(self.held_out)}
+
     @cached_property
     def _groups(self) -> np.ndarray:
         return pose_groups(self.data)

@@ -161,8 +161,8 @@ def _evidence(problem: Problem, fitted: Fitted, candidate: Candidate) -> float:
 
 def _worthy_forms(problem, fitted, candidate: Candidate, parted) -> Iterator[Candidate]:
     """The candidate and then the other forms of the same cause that cross-validation supports: a curve that
-    wraps around single poses hides the one order that is there, a crank whose hinge ends at its bound the
-    spring that only stiffens."""
+    wraps around single poses hides the one order that is there, a crank that nothing stops from being far
+    too strong the spring that only stiffens. The next is tried where the joint fit does not confirm one."""
     if is_worth(problem, fitted, [candidate.effect], parted):
         yield candidate
     if not candidate.effect.family:

@@ -147,20 +147,28 @@ def more_left_out(fitted: int, fitted_rows: int, held: int, held_rows: int) -> b
     return bool(np.sum(ways[k >= held]) < DOUBT)
 
 
-def farther_out(errors: dict[str, np.ndarray], unit: float) -> bool:
-    """Whether more of the held-out rows, beyond chance, err farther than any fitted row: of rows that are all
-    alike the k worst are all held out with
+def farther_out(errors: dict[str, np.ndarray], poses: dict[str, np.ndarray], unit: float) -> int:
+    """How many of the held-out poses err farther than all fitted ones, if that is more than chance makes;
+    else 0. errors, poses: of both sets, by row; a pose that was visited again errs by the RMS of its visits.
+    Of poses that are all alike the k worst are all held out with
 
         p = C(held, k) / C(all, k)
 
     A fit follows its own rows: theirs are lessened by as much as in `held_out_excess`. Jumps that a smooth
-    curve passes over show in some rows alone, whose square sum a few good rows outweigh."""
-    held, fitted = (np.abs(values[np.isfinite(values)])
-                    for values in (errors["validation"], errors["identification"]))
+    curve passes over show in some rows alone, whose square sum many good rows outweigh."""
+    held, fitted = (_by_pose(errors[name], poses[name]) for name in ("validation", "identification"))
     if not held.size or not fitted.size:
-        return False
-    k = np.array(np.count_nonzero(held > fitted.max() * max(1.0, unit / max(rms_of(fitted), 1e-300)) ** 2))
-    return bool(np.exp(_log_ways(held.size, k) - _log_ways(held.size + fitted.size, k)) < DOUBT)
+        return 0
+    k = np.count_nonzero(held > fitted.max() * max(1.0, unit / max(rms_of(fitted), 1e-300)) ** 2)
+    chance = _log_ways(held.size, np.array(k)) - _log_ways(held.size + fitted.size, np.array(k))
+    return k if np.exp(chance) < DOUBT else 0
+
+
+def _by_pose(errors: np.ndarray, poses: np.ndarray) -> np.ndarray:
+    """RMS of the finite errors of every pose that has one."""
+    kept = np.isfinite(errors)
+    _, pose = np.unique(poses[kept], return_inverse=True)
+    return np.sqrt(np.bincount(pose, errors[kept] ** 2) / np.bincount(pose))
 
 
 def _log_ways(rows: int, chosen: np.ndarray) -> np.ndarray:

@@ -31,6 +31,7 @@ _TIMES = 5.0  # the weight of the arm's own links: payloads and forces of proces
 _PLAIN = 4  # values in front of those of a crank with a free length
 _CENTRES = tuple(np.linspace(-np.pi, np.pi, 24, endpoint=False))
 _USUAL, _HINGES = 0.7, (-1.4, 0.0, 1.25)  # standard deviation of `hinge`, and hinges at 1.5, 3 and 8
+_HINGE_ENDS = -4.0, 4.0  # at 1.04 and 110: no prior lets it come there
 
 
 class Spring(Enum):
@@ -46,6 +47,7 @@ class GravityCompensator(Effect):
     form: Spring = Spring.TORSION
 
     name = "gravity_compensator"
+    plain = "a spring beside the drive"
     family = "spring beside a drive"
     station = Station.LOAD
     kinds = (MOTION.name, TRACKED_MOTION.name)
@@ -61,7 +63,7 @@ class GravityCompensator(Effect):
             return (*plain, Parameter("quadratic_Nm_per_rad2", 100.0), Parameter("cubic_Nm_per_rad3", 100.0))
         if self.form == Spring.HINGED:
             return (*plain, Parameter("bend_Nm", 200.0), Parameter("dead_centre_rad", 1.0, search=_CENTRES),
-                    Parameter("hinge", 1.0, search=_HINGES, prior=_USUAL))
+                    Parameter("hinge", 1.0, *_HINGE_ENDS, search=_HINGES, prior=_USUAL))
         return plain
 
     @classmethod
@@ -90,12 +92,15 @@ class GravityCompensator(Effect):
         return f"a spring takes load off axis {self.joint}: " + ", ".join(parts)
 
     def possible(self, robot, deviation) -> bool:
-        """What carries weight is no stronger than weight: a curve of the axis would pass for it else."""
+        """What carries weight is no stronger than weight, a radian from zero: a curve of the axis would pass
+        for it else."""
         if not robot.links or robot.generic_masses:
             return True
         sizes = np.abs([v for v, p in zip(self.values, self.parameters()) if not p.fixed])
         least = np.maximum(sizes - _CERTAIN * deviation, 0.0)
-        strength = np.hypot(*least[:2]) if self.form in (Spring.CRANK, Spring.HINGED) else max(least[:2])
+        crank = self.form in (Spring.CRANK, Spring.HINGED)
+        bends = least[2:3] if crank else least[2:]  # of a hinge: behind it stand angles
+        strength = max(np.hypot(*least[:2]) if crank else max(least[:2]), *bends, 0.0)
         return bool(strength <= _TIMES * _greatest_load(robot, self.index))
 
     def change(self, view) -> Change:
@@ -118,8 +123,11 @@ class GravityCompensator(Effect):
     def candidates(cls, robot, view) -> Iterable[Effect]:
         known = [i for i in range(robot.axes) if not view.guessed_load(i)]
         for i in known:
-            yield from (cls(i + 1, (0.0,) * _PLAIN, form) for form in (Spring.TORSION, Spring.CRANK))
+            yield cls(i + 1, (0.0,) * _PLAIN)
             yield cls(i + 1, (0.0,) * (_PLAIN + 2), Spring.STIFFENING)
+            if slides(robot, i + 1):
+                continue
+            yield cls(i + 1, (0.0,) * _PLAIN, Spring.CRANK)
             yield cls(i + 1, (0.0,) * (_PLAIN + 1) + (_CENTRES[0], _HINGES[0]), Spring.HINGED)
 
 

@@ -92,7 +92,7 @@ class JointCompliance(Effect):
         return super().per_guessed_load(view) * np.array(power)
 
     def possible(self, robot, deviation) -> bool:
-        """No spring gives way against its load: where the linear term is zero, the cubic one decides."""
+        """No spring gives way against a small load: where the linear term is zero, the cubic one decides."""
         stiffness = robot.joints[self.index].spring_linear
         linear = self.values[0] + (1.0 / stiffness if stiffness else 0.0)
         cubic = {p.name: value for p, value in zip(self.parameters(), self.values)}["cubic_rad_per_Nm3"]

@@ -73,8 +73,8 @@ class PayloadStep(StepInOrder):
         return f"the flange carries {abs(mass):.3g} kg {kind} than declared {where}"
 
     def caveat(self, covariance) -> str:
-        return ("the robot file has it on these rows alone: for what else is measured or driven with it, "
-                "give it in a column payload_kg")
+        return ("the robot file holds this payload for these rows only; for other measurements or programs "
+                "with the same payload, write it in a column payload_kg")
 
     def to_table(self):
         return super().to_table() | {"rows": self.rows, "declared_kg": self.declared_kg}

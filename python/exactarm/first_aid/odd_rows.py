@@ -65,11 +65,14 @@ def odd_rows(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -> lis
     for session in np.unique(data.session):
         rows = np.flatnonzero(data.session == session)
         if len(rows) >= 2 * LEAST_ROWS:
-            found += _of_session(bare, carried, data, rows[spread(len(rows), MOST_ROWS)], seed)
+            found += _of_session(bare, carried, data, rows, seed)
     return in_order(found)
 
 
-def _of_session(bare: Robot, carried: Layout, whole: Dataset, rows: np.ndarray, seed: int) -> list[Suspicion]:
+def _of_session(bare: Robot, carried: Layout, whole: Dataset, every: np.ndarray,
+                seed: int) -> list[Suspicion]:
+    """every: all rows of the session, of which `MOST_ROWS` are looked at."""
+    rows = every[spread(len(every), MOST_ROWS)]
     data = whole.select(rows)
     flange = predict_poses(bare, carried, data, tangents=False)
     given = flange.position, flange.rotation, data.position
@@ -85,7 +88,7 @@ def _of_session(bare: Robot, carried: Layout, whole: Dataset, rows: np.ndarray, 
     now = min(_rms(_Frames.of(*given).left(*given)), find_frames(bare, data, carried, seed).rms)
     if now < FALL * np.sqrt(np.mean(~odd)) * _rms(good):
         return []  # not even if the odd rows had no error at all
-    place, part = _place(whole, rows, odd), data.select(odd)
+    place = _place(whole, rows, odd)
     fall = lambda left: now / max(_rms(np.concatenate([good, left])), 1e-12)
     tried = [(words, changed) for words, other, changed in (*candidates(bare, data, whole, rows, 1.0),
                                                             *_zeros(bare, data)) if other.name == bare.name]
@@ -96,13 +99,16 @@ def _of_session(bare: Robot, carried: Layout, whole: Dataset, rows: np.ndarray, 
     alone = fall(np.zeros(0))
     if found:
         return found
-    if odd.sum() < LEAST_ROWS:  # too few for frames of their own, more than single rows
-        gross = odd & (error > FALL * _rms(good))
-        return [Suspicion(gross_in_words(whole, rows[gross], error[gross]), alone)] if alone >= FALL else []
+    if odd.sum() < max(LEAST_ROWS, _GROSS_SHARE * len(data)):  # too few for frames of their own
+        flange = predict_poses(bare, carried, whole.select(every), tangents=False)
+        error = frames.left(flange.position, flange.rotation, whole.position[every])
+        gross = error > _ODD * FALL * _rms(good)
+        told = alone >= FALL and gross.any()
+        return [Suspicion(gross_in_words(whole, every[gross], error[gross]), alone)] if told else []
     own = _Frames.of(*(values[odd] for values in given)).left(*(values[odd] for values in given))
     if fall(own) >= FALL:
         return [Suspicion(f"another tool, target or device frame {place} (two sessions)", fall(own))]
-    if alone >= FALL and _rms(own) > _APART * bare.reach and len(part) > _GROSS_SHARE * len(data):
+    if alone >= FALL and _rms(own) > _APART * bare.reach:
         return [Suspicion(f"other angles {place} (positions of other poses, or of another file?)", alone)]
     return []
 

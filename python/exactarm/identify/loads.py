@@ -88,7 +88,7 @@ def guess_line(robot: Robot, data: Dataset) -> str | None:
     measured = load.fixed.all(axis=0)
     if not robot.generic_masses or measured.all():
         return None
-    by = "of the mass that it declares, less base and column" if robot.mass else "by its lengths"
+    by = "of the mass that it declares, less its base" if robot.mass else "by its lengths"
     by = "scaled to the measured torques" if measured.any() else by
     total = sum(link.mass for link in robot.links)
     other = "other " if measured.any() else ""

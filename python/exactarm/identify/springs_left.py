@@ -17,11 +17,14 @@ from itertools import product
 import numpy as np
 import scipy  # scipy.optimize is imported at its first use
 
+from exactarm.chain.spring import declared_deflection
+from exactarm.effects.base import Effect
 from exactarm.effects.joint_compliance import JointCompliance
 from exactarm.identify.pose_fit import PoseFit
 from exactarm.numerics.orthonormal import orthonormal
 from exactarm.rest_load import RestLoad
 from exactarm.robot.axes_in_words import axes_in_words
+from exactarm.station import Station
 from exactarm.view import View
 
 # of the square sum: as much by chance would take as many columns as half of the numbers
@@ -48,33 +51,44 @@ def springs_not_estimated(fit: PoseFit) -> Iterator[str]:
 
 
 def mounted_otherwise(fit: PoseFit) -> Iterator[str]:
-    """One line where springs under gravity along another axis of the base would."""
-    view, robot = fit.prediction.view, fit.prediction.view.robot
+    """One line where springs under another gravity would, of an arm that is rigid but for them."""
+    view = fit.prediction.view
     asked = [i for i in _springs_of(view) if not view.measured_loads[i]]
-    size = np.linalg.norm(robot.gravity)
+    gravity, size = view.robot.gravity, np.linalg.norm(view.robot.gravity)
     if not size or not _enough(fit, len(asked)):
         return
+    estimated = np.concatenate([np.full(int(free.sum()), _is_spring_of(effect, asked))
+                                for effect, free in zip(fit.layout.effects, fit.layout.free)])
     numbers, own = _whitened(fit)
-    asked_for = [np.full(int(free.sum()), effect.gives_way and effect.joint is not None)
-                 for effect, free in zip(fit.layout.effects, fit.layout.free)]
-    estimated = np.concatenate(asked_for)
-    numbers = numbers + own[:, estimated] @ fit.layout.values[estimated]  # as of a rigid arm
-    basis, base = orthonormal(own[:, ~estimated]), robot.controller.base.rotation
-    along = [springs - basis @ (basis.T @ springs)
-             for springs in (_columns(fit, asked, size * axis) for axis in base)]
+    basis = orthonormal(own[:, ~estimated])
+    beside = lambda columns: columns - basis @ (basis.T @ columns)
+    rigid = beside(numbers + _given_way(fit, asked))
+    along = [beside(_columns(fit, asked, size * axis)) for axis in np.eye(3)]
     scale = np.maximum(np.sqrt(sum(np.sum(springs**2, axis=0) for springs in along)), 1e-300)
-    clear = numbers - basis @ (basis.T @ numbers)
     left = lambda direction: float(
-        scipy.optimize.nnls(np.tensordot(direction, along, axes=1) / scale, clear)[1])
-    declared = left(base @ robot.gravity / size)
-    directions = [np.array(d) / np.linalg.norm(d) for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)]
-    best = min(directions, key=left)
-    if left(best) < _HALVED * declared:
-        words = ", ".join(f"{size * value + 0.0:.3g}" for value in best)
-        share = left(best) / declared
-        yield (f"springs under gravity about ({words}) m/s² in the base would leave {share:.2g} of the error "
-               "that springs under the declared one leave: is the arm mounted otherwise than gravity_m_s2 of "
-               "the robot file says?")
+        scipy.optimize.nnls(np.tensordot(direction, along, axes=1) / scale, rigid)[1])
+    tried = [np.array(d) / np.linalg.norm(d) for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)]
+    found, best = min(((left(direction), k) for k, direction in enumerate(tried)))
+    declared = left(gravity / size)
+    if found < _HALVED * declared:
+        words = ", ".join(f"{size * value + 0.0:.3g}" for value in tried[best])
+        yield (f"springs under gravity_m_s2 = [{words}], or nearly so, would leave {found / declared:.2g} of "
+               "the error that springs under the gravity of the robot file leave: is the arm mounted "
+               "otherwise?")
+
+
+def _is_spring_of(effect: Effect, axes: list[int]) -> bool:
+    return effect.gives_way and effect.joint is not None and effect.index in axes
+
+
+def _given_way(fit: PoseFit, axes: list[int]) -> np.ndarray:
+    """(R,) whitened: what the springs of these axes, declared, carried and estimated, do to the target."""
+    view = fit.prediction.view
+    turned = [((i,), declared_deflection(view.robot, view.torque)[0][:, i : i + 1]) for i in axes]
+    turned += [(change.columns, change.value) for effect in fit.layout.effects if _is_spring_of(effect, axes)
+               for change in (effect.change(view),)]
+    return sum(_flat(fit, view.transfers[Station.SPRING](columns, angle[:, :, None]))[:, 0]
+               for columns, angle in turned)
 
 
 def _springs_of(view: View) -> list[int]:

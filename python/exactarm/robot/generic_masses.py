@@ -5,9 +5,9 @@
 
 l_i: length of the tube, L_i: what is left of the arm from joint i on (m), all sliding axes at zero. A beam
 whose section falls linearly towards the flange, and drives by the load behind them. Then all is scaled to
-the total mass: of that of the whole arm in the robot file (`mass_kg`) what does not stand still as base and
-column, else 9 kg/m^3 L_1^3: like arms weigh as the cube of their size (links as published: Puma 560 7, UR10
-6, Racer 7-1.4 18; the geometric mean is 9).
+the total mass: of that of the whole arm in the robot file (`mass_kg`) what is not its base, else 9 kg/m^3
+L_1^3: like arms weigh as the cube of their size (links as published: Puma 560 7, UR10 6, Racer 7-1.4 18; the
+geometric mean is 9).
 Gravity at axes 2 and 3 of these three arms, as one number times this law: 1 to 15 % RMS off; beside a mass
 at the flange, 1 to 8 % (tests/python/test_generic_masses.py). Point masses: no inertia, so good for arms at
 rest.
@@ -22,11 +22,12 @@ from exactarm.robot.robot import Link, Placement, Robot
 
 KG_PER_CUBIC_METRE = 9.0  # of the cube of the arm's length
 DRIVE_SHARE = 0.2  # of a drive's mass to that of a tube: 0.1 to 0.3 are alike on the three arms
-# of the mass of a whole arm, in its links: base and column, which nothing carries, are taken for 10 to 50 %
+# of the mass of a whole arm, in its links: its base, which no joint moves, is taken for 10 to 50 %; no
+# measurement stands behind it, so it widens the interval
 MOVING_SHARE = 0.7
 # standard deviation of the logarithm of a load by this law: of kg/m^3 of the three arms (7, 6, 18); where the
-# mass of the whole arm is known, 0.25 of the three arms by the mass of their links and 0.2 of what stands
-# still; and what the shape leaves where a torque is known
+# mass of the whole arm is known, 0.25 of the three arms by the mass of their links and 0.2 of the base; and
+# what the shape leaves where a torque is known
 SPREAD, SPREAD_BY_MASS, SPREAD_OF_SHAPE = 0.6, 0.32, 0.15
 # of the first moments of links, standard deviation: 0.26 RMS on the three arms, of what one number and a mass
 # at the flange leave
