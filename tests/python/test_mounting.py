@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from exactarm.chain import Layout
+from exactarm.commands.diagnose_report import _next
+from exactarm.diagnose.diagnosis import diagnose
 from exactarm.diagnose.problems import problem_for
+from exactarm.diagnose.verdict import UNEXPLAINED
 from exactarm.effects.gear_eccentricity import GearEccentricity
 from exactarm.effects.joint_compliance import JointCompliance
 from exactarm.identify.calibrate import CalibrationOptions, calibrate
@@ -85,6 +88,16 @@ def test_gravity_is_told_in_the_frame_of_its_key_whatever_the_controller_calls_i
 @pytest.mark.parametrize("gravity", [FLOOR, (0.0, 0.0, G)])
 def test_it_is_not_asked_for_where_the_file_has_it_so(effects, gravity):
     assert not told(*poses(gravity, effects, declared=gravity))
+
+
+@pytest.mark.slow
+def test_nothing_is_explained_while_gravity_may_point_elsewhere():
+    """Any seed. "Use robot.toml of this folder" stood beside the question."""
+    robot, data = poses((0.0, 0.0, G))
+    result = diagnose(robot, replace(data, identification=np.arange(80) % 4 > 0))
+    assert result.verdict == UNEXPLAINED and "mounted otherwise" in result.sentence
+    (advice,) = _next(robot, result, [])
+    assert "Look first at where gravity points" in advice.paragraphs[0]
 
 
 def test_a_diagnosis_asks_the_same():

@@ -79,6 +79,7 @@ def test_a_cause_that_held_out_rows_contradict_is_said_last_and_advised_against(
     assert [finding for finding, _ in in_order(found)] == [sure, doubtful]
     before = {name: summarise(2.0 * np.ones(20)) for name in ERRORS}
     result = SimpleNamespace(
+        problem=SimpleNamespace(misdeclared=()),
         preferred="",
         findings=(doubtful, sure), before=before, after=ERRORS, verdict=EXPLAINED, kind="poses", drafts=(),
         next_experiment=None, noise=NoiseFloor(1.0, "as the test says", True), converged=True,

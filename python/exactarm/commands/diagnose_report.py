@@ -183,7 +183,10 @@ def _next(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contributi
     lines = []
     stood, refuted = stood_and_refuted(result.findings)
     corrected = sorted({f.effect.in_plain_words_on(robot) for f in stood if f.effect.compensable})
-    if result.preferred:
+    if result.problem.misdeclared:
+        lines.append("Look first at where gravity points: mend `gravity_m_s2` of your robot file and "
+                     "diagnose again. What is found until then may stand for it.")
+    elif result.preferred:
         lines.append("Keep your robot file: rows that were not fitted speak for another cause than those "
                      "found.")
     elif found and not _pays(result):

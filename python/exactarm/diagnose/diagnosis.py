@@ -221,6 +221,9 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
            if problem.by_posterior and findings else 0)
     if unconverged or refuted or worse or waves or undecided or gain < AGAINST or more or far:
         verdict = UNEXPLAINED
+    if problem.misdeclared:
+        verdict = UNEXPLAINED
+        unknown = (Structure("the arm may be mounted otherwise than its robot file says"), *unknown)
     of_what_is_left, verdict = verdict, UNEXPLAINED if preferred else verdict
     drafts = ()
     may_draft = (problem.drafts or problem.unknown_rivals) and not unconverged and not undecided

@@ -60,8 +60,12 @@ class PoseProblem(ProblemAtRest):
     def declared(self) -> Layout:
         return self.calibrated.layout
 
+    @cached_property
+    def misdeclared(self) -> tuple[str, ...]:  # type: ignore[override]
+        return tuple(mounted_otherwise(self.calibrated))
+
     def doubts(self, fitted: Fitted) -> tuple[str, ...]:
-        return *mounted_otherwise(self.calibrated), *self._like_balancers(fitted)
+        return *self.misdeclared, *self._like_balancers(fitted)
 
     def _like_balancers(self, fitted: Fitted) -> Iterator[str]:
         """Slow curves of axes that bear weight and give way: a spring that carries some of it, and so bends

@@ -280,6 +280,11 @@ class Problem(ABC):
         """In words: what is left asks for and tables cannot express, and known lengths that the rows deny."""
         return ()
 
+    @property
+    def misdeclared(self) -> tuple[str, ...]:
+        """In words: what the robot file seems to have wrong, so that what is found may stand for it."""
+        return ()
+
     def elsewhere(self, fitted: Fitted) -> Fitted:
         """The state by which a stretch that is left out is judged: without what is fitted anew there in any
         case."""

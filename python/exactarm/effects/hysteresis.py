@@ -61,6 +61,10 @@ class Hysteresis(Effect):
         return bool(self.values) and self.values[0] < 0.0 and not self.loaded
 
     @property
+    def told_by(self) -> str:  # type: ignore[override]
+        return "per_load_rad_per_Nm" if self.loaded else ""
+
+    @property
     def by_load(self) -> bool:  # type: ignore[override]
         return self.loaded
 
