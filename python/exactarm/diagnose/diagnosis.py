@@ -219,11 +219,9 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     more = more_left_out(int(wrong.sum()), len(wrong), int(np.sum(~between)), len(problem.held_out))
     far = (farther_out(errors[-1], problem.poses, problem.error_of_unit_noise(last))
            if problem.by_posterior and findings else 0)
-    if unconverged or refuted or worse or waves or undecided or gain < AGAINST or more or far:
+    if (unconverged or refuted or worse or waves or undecided or gain < AGAINST or more or far
+            or problem.misdeclared):
         verdict = UNEXPLAINED
-    if problem.misdeclared:
-        verdict = UNEXPLAINED
-        unknown = (Structure("the arm may be mounted otherwise than its robot file says"), *unknown)
     of_what_is_left, verdict = verdict, UNEXPLAINED if preferred else verdict
     drafts = ()
     may_draft = (problem.drafts or problem.unknown_rivals) and not unconverged and not undecided
@@ -234,6 +232,8 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
         if causes is None and (drafts or others):
             unknown = tuple(Structure(draft.effect.title) for draft in drafts) + others
             waves = problem.waves(drafted, noise.value if noise.measured else None)
+    if problem.misdeclared:
+        unknown = (Structure("the arm may be mounted otherwise than its robot file says"), *unknown)
     unknown += (Structure(f"{far} of the poses that were not fitted err farther than all fitted ones"),
                 ) * bool(far)
     unknown += waves or (problem.shakes(last) if of_what_is_left == UNEXPLAINED else ())

@@ -78,7 +78,8 @@ def mounted_otherwise(fit: PoseFit) -> Iterator[str]:
 
 
 def _is_spring_of(effect: Effect, axes: list[int]) -> bool:
-    return effect.gives_way and effect.joint is not None and effect.index in axes
+    return (effect.gives_way and effect.station is Station.SPRING and effect.joint is not None
+            and effect.index in axes)
 
 
 def _given_way(fit: PoseFit, axes: list[int]) -> np.ndarray:
