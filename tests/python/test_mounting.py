@@ -83,7 +83,7 @@ def test_gravity_is_told_in_the_frame_of_its_key_whatever_the_controller_calls_i
     assert "gravity_m_s2 = [9.81, 0, 0]" in line
 
 
-# any seed: 0 to 7 ask for nothing
+# any seed: 0 to 7 ask for nothing. Run-outs of a turntable and of an arm on a track did: test_robot_types.py
 @pytest.mark.parametrize("effects", [(), SPRINGS, (GearEccentricity(2, (2e-4, -1e-4, 0.0, 0.0)),)])
 @pytest.mark.parametrize("gravity", [FLOOR, (0.0, 0.0, G)])
 def test_it_is_not_asked_for_where_the_file_has_it_so(effects, gravity):

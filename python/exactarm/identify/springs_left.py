@@ -60,21 +60,38 @@ def mounted_otherwise(fit: PoseFit) -> Iterator[str]:
     estimated = np.concatenate([np.full(int(free.sum()), _is_spring_of(effect, asked))
                                 for effect, free in zip(fit.layout.effects, fit.layout.free)])
     numbers, own = _whitened(fit)
-    basis = orthonormal(own[:, ~estimated])
-    beside = lambda columns: columns - basis @ (basis.T @ columns)
-    rigid = beside(numbers + _given_way(fit, asked))
-    along = [beside(_columns(fit, asked, size * axis)) for axis in np.eye(3)]
-    scale = np.maximum(np.sqrt(sum(np.sum(springs**2, axis=0) for springs in along)), 1e-300)
-    left = lambda direction: float(
-        scipy.optimize.nnls(np.tensordot(direction, along, axes=1) / scale, rigid)[1])
+    rigid = numbers + _given_way(fit, asked)
+    along = [_columns(fit, asked, size * axis) for axis in np.eye(3)]
     tried = [np.array(d) / np.linalg.norm(d) for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)]
-    found, best = min(((left(direction), k) for k, direction in enumerate(tried)))
-    declared = left(gravity / size)
+    free = own[:, ~estimated]
+    found, best = min((left, k) for k, left in enumerate(_left(free, along, rigid, tried)))
+    # an arm of few axes turns under such a gravity as by a run-out
+    (declared,) = _left(np.column_stack([free, _run_outs(fit)]), along, rigid, [gravity / size])
     if found < _HALVED * declared:
         words = ", ".join(f"{size * value + 0.0:.3g}" for value in tried[best])
         yield (f"springs under gravity_m_s2 = [{words}], or nearly so, would leave {found / declared:.2g} of "
-               "the error that springs under the gravity of the robot file leave: is the arm mounted "
-               "otherwise?")
+               "the error that springs under the gravity of the robot file and run-outs leave: is the arm "
+               "mounted otherwise?")
+
+
+def _left(free: np.ndarray, along: list[np.ndarray], rigid: np.ndarray,
+          directions: list[np.ndarray]) -> list[float]:
+    """Lengths of what free columns (R, b), and springs no less than zero under gravity along each direction,
+    leave of numbers (R,)."""
+    basis = orthonormal(free)
+    beside = lambda columns: columns - basis @ (basis.T @ columns)
+    numbers, along = beside(rigid), [beside(springs) for springs in along]
+    scale = np.maximum(np.sqrt(sum(np.sum(springs**2, axis=0) for springs in along)), 1e-300)
+    return [float(scipy.optimize.nnls(np.tensordot(direction, along, axes=1) / scale, numbers)[1])
+            for direction in directions]
+
+
+def _run_outs(fit: PoseFit) -> np.ndarray:
+    """(R, 2 n) whitened: a wave once a turn of every axis."""
+    view = fit.prediction.view
+    waves = np.stack([np.cos(view.q), np.sin(view.q)], axis=2)
+    return np.concatenate([_flat(fit, view.transfers[Station.GEAR]((i,), waves[:, i : i + 1]))
+                           for i in range(view.axes)], axis=1)
 
 
 def _is_spring_of(effect: Effect, axes: list[int]) -> bool:
