@@ -6,7 +6,8 @@
 Not estimated, because the arm's masses are a guess: of a generic distribution of masses a load is right in
 kind, not in size (robot/generic_masses.py). That springs act it shows, what they are a diagnosis estimates.
 Or under another gravity than the robot file's: an arm on a wall or a ceiling whose file has it on the floor
-gives way as nothing else does. Springs that are no less than zero count there (Lawson and Hanson 1974).
+gives way as nothing else does, but an arm of few axes, which may have a run-out instead. Springs that are no
+less than zero count there (Lawson and Hanson 1974).
 """
 
 from collections.abc import Iterator
@@ -30,6 +31,7 @@ from exactarm.view import View
 # of the square sum: as much by chance would take as many columns as half of the numbers
 _MOST = 0.5
 _HALVED = 0.5  # of the error that springs under the declared gravity leave
+_CERTAIN = 20.0  # nats by which a run-out has to be less likely, 1 in 5e8: what is left is not noise alone
 _NUMBERS_EACH = 10  # for every column, at least
 
 
@@ -65,13 +67,15 @@ def mounted_otherwise(fit: PoseFit) -> Iterator[str]:
     tried = [np.array(d) / np.linalg.norm(d) for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)]
     free = own[:, ~estimated]
     found, best = min((left, k) for k, left in enumerate(_left(free, along, rigid, tried)))
-    # an arm of few axes turns under such a gravity as by a run-out
-    (declared,) = _left(np.column_stack([free, _run_outs(fit)]), along, rigid, [gravity / size])
-    if found < _HALVED * declared:
+    (declared,) = _left(free, along, rigid, [gravity / size])
+    # an arm of few axes turns under such a gravity as by the run-out of one of them
+    turned = min(_left(np.column_stack([free, wave]), along, rigid, [gravity / size])[0]
+                 for wave in _run_outs(fit))
+    if found < _HALVED * declared and rigid.size * np.log(turned / max(found, 1e-300)) > _CERTAIN:
         words = ", ".join(f"{size * value + 0.0:.3g}" for value in tried[best])
         yield (f"springs under gravity_m_s2 = [{words}], or nearly so, would leave {found / declared:.2g} of "
-               "the error that springs under the gravity of the robot file and run-outs leave: is the arm "
-               "mounted otherwise?")
+               "the error that springs under the gravity of the robot file leave: is the arm mounted "
+               "otherwise?")
 
 
 def _left(free: np.ndarray, along: list[np.ndarray], rigid: np.ndarray,
@@ -86,12 +90,12 @@ def _left(free: np.ndarray, along: list[np.ndarray], rigid: np.ndarray,
             for direction in directions]
 
 
-def _run_outs(fit: PoseFit) -> np.ndarray:
-    """(R, 2 n) whitened: a wave once a turn of every axis."""
+def _run_outs(fit: PoseFit) -> Iterator[np.ndarray]:
+    """(R, 2) whitened, of every axis: a wave once a turn."""
     view = fit.prediction.view
     waves = np.stack([np.cos(view.q), np.sin(view.q)], axis=2)
-    return np.concatenate([_flat(fit, view.transfers[Station.GEAR]((i,), waves[:, i : i + 1]))
-                           for i in range(view.axes)], axis=1)
+    for i in range(view.axes):
+        yield _flat(fit, view.transfers[Station.GEAR]((i,), waves[:, i : i + 1]))
 
 
 def _is_spring_of(effect: Effect, axes: list[int]) -> bool:
