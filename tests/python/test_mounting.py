@@ -53,7 +53,7 @@ def test_gravity_that_is_not_where_the_file_has_it_is_told(gravity, words, masse
 
 @pytest.mark.parametrize("gravity, words", DIRECTIONS)
 def test_springs_of_the_file_do_not_hide_where_gravity_is(gravity, words):
-    """Any seed. They are part of what gives way under the gravity that is there."""
+    """Any seed: 0 to 7 are told alike. They are part of what gives way under the gravity that is there."""
     robot, data = poses(gravity)
     for axis, spring in ((2, 1.0 / 4e-6), (3, 1.0 / 8e-6)):
         robot = robot.with_joint(axis, spring_linear=spring)
@@ -64,7 +64,7 @@ def test_springs_of_the_file_do_not_hide_where_gravity_is(gravity, words):
 @pytest.mark.parametrize("share", [0.5, 0.7, 2.0])
 @pytest.mark.parametrize("carried", [False, True])
 def test_springs_of_the_file_of_another_size_are_no_other_gravity(share, carried):
-    """Any seed. Too soft ones seemed to be springs of an arm on the ceiling."""
+    """Any seed: 0 to 7 ask for nothing. Too soft ones seemed to be springs of an arm on the ceiling."""
     robot, data = poses(FLOOR)
     if carried:
         robot = replace(robot, effects=tuple(
@@ -76,7 +76,7 @@ def test_springs_of_the_file_of_another_size_are_no_other_gravity(share, carried
 
 
 def test_gravity_is_told_in_the_frame_of_its_key_whatever_the_controller_calls_its_base():
-    """Any seed. It counts from the first frame (docs/files.md)."""
+    """Any seed: 0 to 7 are told alike. It counts from the first frame (docs/files.md)."""
     robot, data = poses((G, 0.0, 0.0))
     turned = Placement(exp(np.array([0.0, 0.0, np.pi / 2.0])), np.zeros(3))
     (line,) = told(replace(robot, controller=replace(robot.controller, base=turned)), data)

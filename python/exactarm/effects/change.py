@@ -12,6 +12,10 @@ class DoesNotFit(ValueError):
     """An effect that cannot be one of this arm; the message says why, and what was expected."""
 
 
+# standard deviations of a value from where it may not be, or from zero where it divides another
+CERTAIN = 2.0
+
+
 @dataclass(frozen=True)
 class Parameter:
     """One number of an effect: name with unit, bounds, plausible magnitude (SI); `fixed` ones are not

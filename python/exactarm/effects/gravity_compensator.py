@@ -25,8 +25,8 @@ import numpy as np
 from exactarm.data.kinds import MOTION, TRACKED_MOTION
 from exactarm.effects.axis_units import slides
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.effects.change import CERTAIN
 
-_CERTAIN = 2.0  # standard deviations
 _TIMES = 5.0  # the weight of the arm's own links: payloads and forces of processes are lifted as well
 _PLAIN = 4  # values in front of those of a crank with a free length
 _CENTRES = tuple(np.linspace(-np.pi, np.pi, 24, endpoint=False))
@@ -97,7 +97,7 @@ class GravityCompensator(Effect):
         if not robot.links or robot.generic_masses:
             return True
         sizes = np.abs([v for v, p in zip(self.values, self.parameters()) if not p.fixed])
-        least = np.maximum(sizes - _CERTAIN * deviation, 0.0)
+        least = np.maximum(sizes - CERTAIN * deviation, 0.0)
         crank = self.form in (Spring.CRANK, Spring.HINGED)
         bends = least[2:3] if crank else least[2:]  # of a hinge: behind it stand angles
         strength = max(np.hypot(*least[:2]) if crank else max(least[:2]), *bends, 0.0)

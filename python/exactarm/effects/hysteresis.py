@@ -25,8 +25,8 @@ import numpy as np
 from exactarm import _core
 from exactarm.data.kinds import ALL_KINDS, Device
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.effects.change import CERTAIN
 
-_CERTAIN = 2.0  # standard deviations
 _REACHES_RAD = (3e-5, 1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 0.1)
 
 
@@ -70,7 +70,7 @@ class Hysteresis(Effect):
 
     def possible(self, robot, deviation) -> bool:
         """Beside a part that grows with the load, what is left without any is friction, too."""
-        return not self.loaded or self.values[0] + _CERTAIN * deviation[0] >= 0.0
+        return not self.loaded or self.values[0] + CERTAIN * deviation[0] >= 0.0
 
     @property
     def compensable(self) -> bool:  # type: ignore[override]

@@ -17,14 +17,13 @@ import numpy as np
 from exactarm import _core
 from exactarm.data.kinds import MOTION, POSES, TRACKED_MOTION
 from exactarm.effects.base import Change, Effect, Parameter, Station
+from exactarm.effects.change import CERTAIN
 from exactarm.robot.pseudo_inertia import ENTRIES
 
 _MASS_FLOOR_KG = 1e-3
 _OF_A_POINT = 4  # values: mass and first moment
 _GYRATION_M = 0.1  # of what flanges carry
 HEAVY = 2.0  # times the arm's own mass: light arms carry up to their own, grams are a thousand times too much
-# standard deviations that the mass must be away from zero, so that a moment over it has a meaning
-_CERTAIN = 2.0
 
 
 @dataclass(frozen=True)
@@ -88,15 +87,15 @@ class Payload(Effect):
     def possible(self, robot, deviation) -> bool:
         """Not lighter than nothing, nor HEAVY times as heavy as the arm, beyond what the estimate leaves; a
         body with no negative moment of inertia."""
-        links, doubt = robot.links or (), _CERTAIN * deviation[0]
+        links, doubt = robot.links or (), CERTAIN * deviation[0]
         own = sum(link.mass for link in links)
         lightest = -links[-1].mass if links else 0.0
         about = zip(ENTRIES, self.values[_OF_A_POINT:], deviation[_OF_A_POINT:])
-        body = all(value + _CERTAIN * doubt >= 0.0 for (i, j), value, doubt in about if i == j)
+        body = all(value + CERTAIN * doubt >= 0.0 for (i, j), value, doubt in about if i == j)
         return body and self.values[0] + doubt >= lightest and not 0.0 < HEAVY * own < self.values[0] - doubt
 
     def _weighs(self, covariance) -> bool:
-        return abs(self.values[0]) > max(_CERTAIN * np.sqrt(covariance[0, 0]), _MASS_FLOOR_KG)
+        return abs(self.values[0]) > max(CERTAIN * np.sqrt(covariance[0, 0]), _MASS_FLOOR_KG)
 
     def bake(self, robot):
         if robot.links is None:

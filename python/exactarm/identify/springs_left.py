@@ -30,7 +30,9 @@ from exactarm.view import View
 
 # of the square sum: as much by chance would take as many columns as half of the numbers
 _MOST = 0.5
-_HALVED = 0.5  # of the error that springs under the declared gravity leave
+# of the error that springs under the declared gravity leave; chosen, not derived: a question that comes often
+# is not read
+_HALVED = 0.5
 _CERTAIN = 20.0  # nats by which a run-out has to be less likely, 1 in 5e8: what is left is not noise alone
 _NUMBERS_EACH = 10  # for every column, at least
 
