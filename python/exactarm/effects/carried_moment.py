@@ -7,7 +7,8 @@ speeds up the links. What gives way turns all beyond P_i by  c (M - z (z . M)), 
 does not ring; what gives way slowly (a damped foundation) does so under the weight alone.
 """
 
-from collections.abc import Iterator, Mapping
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -133,6 +134,26 @@ def _on_three_axes(robot: Robot, index: int) -> Robot:
     turn, nothing = Joint(zero=np.pi / 2.0, alpha=np.pi / 2.0), Link(0.0, np.zeros(3), np.zeros((3, 3)))
     before = lambda each, new: (*each[:index], *3 * (new,), *each[index:])
     return replace(robot, joints=before(robot.joints, turn), links=before(robot.links, nothing), effects=())
+
+
+def giving_way(view, index: int, shapes: np.ndarray, sizes: Sequence[float], weight_alone: bool) -> Change:
+    """All beyond a joint that stands on the base (`index` from 0) turns by sum_k sizes_k shapes_k M, shapes
+    (K, 3, 3) rad/Nm in the robot's base."""
+    at = carried_moment(view, index, weight_alone)
+    base = view.signals["base_rotation"].reshape(view.rows, 3, 3)
+    parts, by_q, by_signal = [], 0.0, defaultdict(float)
+    for size, shape in zip(sizes, shapes):
+        turned = base @ shape @ np.swapaxes(base, 1, 2)
+        value, slope = turned_about(view, (turned @ at.moment[:, :, None])[:, :, 0],
+                                    turned @ at.moment_by["q"], at.point, at.point_by_q)
+        parts.append(value)
+        by_q = by_q + size * slope
+        for name, by in at.moment_by.items():
+            if name != "q":
+                by_signal[name] = by_signal[name] + size * turn_slope(view, turned @ by, at.point)
+    by_parameters = np.stack(parts, axis=2)
+    return Change(tuple(range(6)), by_parameters @ np.asarray(sizes), by_parameters,
+                  dict(by_signal) | {"q": by_q})
 
 
 def bending(view, index: int, compliance: float, weight_alone: bool) -> Change:
