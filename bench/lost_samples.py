@@ -17,7 +17,7 @@ from exactarm.data.dataset import Dataset, read_dataset
 from exactarm.data.held_samples import without_held
 from exactarm.files.examples import example
 from exactarm.identify.dynamics import DynamicsOptions, identify_dynamics
-from exactarm.numerics.signals import typical_step
+from exactarm.numerics.stamps import typical_step
 from exactarm.robot_file import load_robot
 
 LOST, JITTER, STRETCH_S = 0.01, 0.1, 0.45  # share of the samples, of a step; s

@@ -19,7 +19,7 @@ from exactarm import _core
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import Device, Kind, kind_of
 from exactarm.data.kinds.base import moving_axes, rows_of_runs
-from exactarm.numerics.signals import order_of_sampling
+from exactarm.numerics.stamps import order_of_sampling
 from exactarm.rest_load import RestLoad
 from exactarm.robot.robot import Placement, Robot
 from exactarm.station import Station

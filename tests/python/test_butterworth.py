@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from exactarm.numerics.butterworth import butterworth
+from exactarm.numerics.butterworth import butterworth, white_noise_behind
 
 
 @pytest.mark.parametrize("count, order, cutoff, step", [
@@ -39,3 +39,13 @@ def test_many_columns_are_filtered_alike():
     whole = butterworth(values, 4, 30.0, 2e-3)
     alone = butterworth(values[:, 149:], 4, 30.0, 2e-3)[:, 0]
     assert np.allclose(whole[:, 149], alone, rtol=0.0, atol=1e-14)
+
+
+@pytest.mark.parametrize("order, cutoff, step, every",
+                         [(8, 80.0, 2e-3, 2), (8, 80.0, 1e-3, 4), (4, 20.0, 1e-3, 5)])
+def test_white_noise_behind_it_is_alike_as_far_as_it_says(order, cutoff, step, every):
+    noise = np.random.default_rng(0).standard_normal((400_000, 1))
+    smooth = butterworth(noise, order, cutoff, step)[::every, 0]
+    lags = 8
+    found = [smooth[: smooth.size - k] @ smooth[k:] for k in range(lags + 1)]
+    assert np.allclose(white_noise_behind(order, cutoff, step, every, lags), found / found[0], atol=0.01)

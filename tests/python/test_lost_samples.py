@@ -14,7 +14,7 @@ from exactarm.chain.lost_samples import without_gaps
 from exactarm.chain.motion_record import full_record, motion_record
 from exactarm.data.dataset import read_dataset
 from exactarm.errors import InputError
-from exactarm.numerics.signals import blocks
+from exactarm.numerics.stamps import blocks
 from exactarm.robot_file import load_robot
 from motions import fourier_motion, motion_data
 

@@ -22,7 +22,8 @@ from exactarm.chain.log_samples import low_pass
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds.base import runs_in_time
 from exactarm.numerics.factors import lstsq
-from exactarm.numerics.signals import step_of_quantisation, typical_step
+from exactarm.numerics.signals import step_of_quantisation
+from exactarm.numerics.stamps import typical_step
 from exactarm.numerics.white_noise import white_noise, white_noise_of_smooth
 from exactarm.robot.generic_masses import generic_links
 from exactarm.robot.robot import Robot

@@ -105,8 +105,21 @@ def held_sign(angle: np.ndarray, reach: float, begin: float = 0.0) -> np.ndarray
 
 def _elements(angle: np.ndarray, reach: float, begin: float) -> np.ndarray:
     """(elements, S) stop operators."""
-    return np.stack([_core.stop_operator(np.concatenate([[angle[0] - begin * each], angle]), each)[0][1:]
+    way, sampled = _through_turns(angle)
+    return np.stack([_core.stop_operator(np.concatenate([[way[0] - begin * each], way]), each)[0][1:][sampled]
                      for each in reach * _ELEMENTS])
+
+
+def _through_turns(angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The angle (S,) with the turning points between its samples, the vertices of parabolas through three of
+    them, and the places (S,) of the samples in it: an axis turns back where no sample was taken."""
+    before, after = np.diff(angle)[:-1], np.diff(angle)[1:]
+    turn = np.flatnonzero(before * after < 0.0)
+    bend, slope = (after - before)[turn], 0.5 * (after + before)[turn]
+    place = turn + np.where(slope * bend < 0.0, 2, 1)  # behind the middle sample, or before it
+    vertex = angle[turn + 1] - 0.5 * slope**2 / bend
+    sampled = np.arange(angle.size) + np.searchsorted(place, np.arange(angle.size), side="right")
+    return np.insert(angle, place, vertex), sampled
 
 
 def unsettled_rows(record, index: int, reach: float) -> np.ndarray:

@@ -24,7 +24,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from exactarm.chain.swinging import widened
-from exactarm.numerics.signals import gaussian_filter, gaussian_sigma, step_of_quantisation, typical_step
+from exactarm.numerics.signals import gaussian_filter, gaussian_sigma, step_of_quantisation
+from exactarm.numerics.stamps import typical_step
 from exactarm.numerics.white_noise import white_noise
 
 _LOWEST_HZ = 2.0  # a tone below it changes the rate by a hundredth of what one count in a sample does

@@ -15,6 +15,7 @@ are left out (chain/swinging.py).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -34,15 +35,14 @@ from exactarm.numerics.signals import (
     MOTION_HZ,
     at_even_times,
     block_starts,
-    blocks,
     derivative,
     even_clock,
     gaussian_filter,
     gaussian_sigma,
     steady_direction,
     step_of_quantisation,
-    typical_step,
 )
+from exactarm.numerics.stamps import blocks, typical_step
 from exactarm.numerics.white_noise import white_noise
 from exactarm.robot.robot import Robot
 from exactarm.view import View, motor_angles
@@ -68,7 +68,8 @@ class GearRecord:
     swings the drive train or the filter rounds the motion; cutoff_hz: of the filter on theta, None where it
     was not needed; encoder_axes: axes (from 0) with an encoder at the output, empty where a gyroscope
     measures; moving (n,): axes that move at all; furthest: of each run, the axis (from 0) that moves
-    furthest.
+    furthest; noise_autocorrelation(lags): (lags + 1,) of white noise in the rows, None where it is white
+    there, too.
     """
 
     theta: np.ndarray
@@ -81,6 +82,7 @@ class GearRecord:
     encoder_axes: tuple[int, ...]
     moving: np.ndarray
     furthest: tuple[int, ...]
+    noise_autocorrelation: Callable[[int], np.ndarray] | None = None
 
     @cached_property
     def sensor_axis(self) -> np.ndarray:

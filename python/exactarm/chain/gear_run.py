@@ -30,7 +30,8 @@ from exactarm.chain.wave_rates import TangentsBeyond, beyond_values, prepare
 from exactarm.data.dataset import Dataset
 from exactarm.effects.base import Station
 from exactarm.effects.drive import smooth_sign
-from exactarm.numerics.signals import gaussian_filter, typical_step
+from exactarm.numerics.signals import gaussian_filter
+from exactarm.numerics.stamps import typical_step
 from exactarm.rest_load import declared_constants
 from exactarm.robot.robot import Robot
 from exactarm.view import View, on_axes

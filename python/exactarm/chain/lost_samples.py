@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exactarm.numerics.signals import blocks, by_spline, typical_step
+from exactarm.numerics.signals import by_spline
+from exactarm.numerics.stamps import blocks, typical_step
 
 # of the shortest period that counts, or that a low-pass leaves: gaps so long carry nothing of it
 FILLED_PERIODS = 0.25

@@ -29,7 +29,8 @@ from exactarm.chain.lost_samples import FILLED_PERIODS, Filled, without_gaps
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds.base import runs_in_time
 from exactarm.errors import InputError
-from exactarm.numerics.signals import at_even_times, derivative_operator, even_clock, typical_step
+from exactarm.numerics.signals import at_even_times, derivative_operator, even_clock
+from exactarm.numerics.stamps import typical_step
 from exactarm.rest_load import declared_constants, drive_torque
 from exactarm.robot.robot import Robot
 from exactarm.view import motor_angles

@@ -28,7 +28,7 @@ from exactarm.chain.motion_record import BANDWIDTH_HZ, MotionRecord, measured_to
 from exactarm.chain.tracked_motion import predict_tracked_motion
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds.base import runs_in_time
-from exactarm.numerics.signals import typical_step
+from exactarm.numerics.stamps import typical_step
 from exactarm.numerics.white_noise import white_noise
 from exactarm.robot.robot import Robot
 

@@ -17,7 +17,8 @@ import scipy  # scipy.ndimage is imported at its first use
 
 from exactarm import _core
 from exactarm.numerics.factors import pinv
-from exactarm.numerics.signals import derivative, gaussian_filter, typical_step
+from exactarm.numerics.signals import derivative, gaussian_filter
+from exactarm.numerics.stamps import typical_step
 from exactarm.robot.robot import Robot
 
 _STEP_S, _REACH_S = 0.005, 0.03

@@ -38,7 +38,7 @@ from exactarm.data.kinds import TRACKED_MOTION
 from exactarm.data.split import DEFAULT_SEED
 from exactarm.errors import InputError
 from exactarm.identify.statistics import summarise
-from exactarm.numerics.signals import typical_step
+from exactarm.numerics.stamps import typical_step
 from exactarm.progress import SILENT, Progress
 from exactarm.robot.controller_frames import in_base
 from exactarm.robot.robot import Placement, Robot

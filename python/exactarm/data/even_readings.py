@@ -13,7 +13,8 @@ import numpy as np
 
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds.base import rows_of_runs
-from exactarm.numerics.signals import at_even_times, even_clock, order_of_sampling
+from exactarm.numerics.signals import at_even_times, even_clock
+from exactarm.numerics.stamps import order_of_sampling
 
 
 def at_even_readings(data: Dataset) -> Dataset:

@@ -16,7 +16,8 @@ import numpy as np
 from exactarm.data.kinds import kind_of
 from exactarm.data.kinds.base import LEAST_SAMPLES, runs_in_time
 from exactarm.data.rows import Rows
-from exactarm.numerics.signals import by_spline, even_clock, typical_step
+from exactarm.numerics.signals import by_spline, even_clock
+from exactarm.numerics.stamps import typical_step
 
 Data = TypeVar("Data", bound=Rows)
 

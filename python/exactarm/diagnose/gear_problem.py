@@ -23,7 +23,7 @@ from exactarm.data.dataset import Dataset
 from exactarm.data.even_readings import at_even_readings
 from exactarm.data.kinds import GEAR_RUN
 from exactarm.diagnose.changing_waves import changing_waves
-from exactarm.diagnose.coloured_noise import NOISE_LAG_S
+from exactarm.diagnose.coloured_noise import NOISE_LAG_S, ColouredNoise
 from exactarm.diagnose.fitted import Fitted, rows_judged
 from exactarm.diagnose.next_runs import separating_run
 from exactarm.diagnose.problem import Problem
@@ -43,7 +43,7 @@ from exactarm.noise.broadband import broadband_noise, columns_in_pieces, line_ab
 from exactarm.noise.drifting import DriftingNoise
 from exactarm.numerics.orthonormal import orthonormal
 from exactarm.numerics.regression import Fit
-from exactarm.numerics.signals import typical_step
+from exactarm.numerics.stamps import typical_step
 from exactarm.robot.axes_in_words import axes_in_words
 from exactarm.robot.robot import Robot
 from exactarm.station import Station
@@ -84,6 +84,7 @@ class GearProblem(ProblemInTime):
         super().__init__(robot, data, held_out, threads, seed)
         self._waves: tuple[WaveInTime, ...] = ()
         self.resampled, self.record = resampled_run(robot, data, self._records["identification"])
+        self._estimator = ColouredNoise(self, filtered=self.record.noise_autocorrelation)
         self._step = typical_step(self.resampled.time[self.record.runs[0]])
         if self.record.encoder_axes:
             self.unit, self.error_along = "rad", ""

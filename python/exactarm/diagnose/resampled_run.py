@@ -14,14 +14,16 @@ at long gaps within a run.
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from exactarm.chain import GearRecord
 from exactarm.chain.lost_samples import FILLED_PERIODS, Filled, without_gaps
 from exactarm.data.dataset import Dataset
-from exactarm.numerics.butterworth import butterworth
-from exactarm.numerics.signals import derivative, typical_step
+from exactarm.numerics.butterworth import butterworth, white_noise_behind
+from exactarm.numerics.signals import derivative
+from exactarm.numerics.stamps import typical_step
 from exactarm.robot.robot import Robot
 
 # the low-pass takes 1 % of what lies at 0.75 of its cutoff: of four per motor revolution
@@ -61,7 +63,7 @@ def resampled_run(robot: Robot, data: Dataset, record: GearRecord) -> tuple[Data
     theta_dot = np.concatenate([derivative(theta[rows], time[rows]) for rows in runs])
     resampled = GearRecord(
         theta, theta_dot, direction, keep, runs, time, record.cutoff_hz, record.encoder_axes, record.moving,
-        record.furthest)
+        record.furthest, partial(white_noise_behind, _ORDER, cutoff, step, every))
     return with_reading(replace(data.select(chosen), time=time), axes, smooth), resampled
 
 

@@ -112,6 +112,10 @@ def select(problem: Problem, declared: Layout, progress: Progress = lambda text:
     if not problem.unknown_rivals:
         accepted = _bagged(problem.knowing(fitted), len(declared.effects), accepted, fitted)
     asked, (accepted, fitted) = tuple(accepted), _admissible(problem, declared, accepted, fitted)
+    if (effects := [a.effect for a in accepted]) != (fuller := [e.with_all_terms() for e in effects]):
+        fitted = refit(problem.knowing(fitted), declared, fuller, fitted)
+        effects = fitted.layout.effects[len(declared.effects):]
+        accepted = [replace(a, effect=effect) for a, effect in zip(accepted, effects)]
     if problem.unknown_rivals:
         accepted = with_shares(problem.knowing(fitted), declared, accepted, fitted)
     if len(fits) > 1:

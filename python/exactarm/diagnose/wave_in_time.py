@@ -41,7 +41,7 @@ from exactarm.effects.base import Effect
 from exactarm.identify.sensor_tone import DRIFT_PERIODS, PADDED, summit
 from exactarm.noise.broadband import level_around
 from exactarm.numerics.factors import lstsq
-from exactarm.numerics.signals import typical_step
+from exactarm.numerics.stamps import typical_step
 
 _PEAKS = 6  # lines of the spectrum that are tried
 _TERMS = (1, 3)

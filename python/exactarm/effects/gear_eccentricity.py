@@ -23,10 +23,12 @@ _LEAST_RANGE_RAD = 1.0  # on less, once per revolution is a parabola, and has no
 @dataclass(frozen=True)
 class GearEccentricity(Effect):
     """Amplitudes of both orders; `second` False: of the first alone. spread_rad: standard deviation of each
-    in a fit, that of real gears unless the data ask for a wider one."""
+    in a fit, that of real gears unless the data ask for a wider one; drawn_rad: that of the second order
+    where the data did not ask for it, else 0. On a part of a revolution either order imitates the other."""
 
     second: bool = True
     spread_rad: float = SPREAD_RAD
+    drawn_rad: float = 0.0
 
     name = "gear_eccentricity"
     plain = "run-out (once and twice a turn)"
@@ -43,8 +45,15 @@ class GearEccentricity(Effect):
 
     def parameters(self) -> tuple[Parameter, ...]:
         names = ("first_cos_rad", "first_sin_rad", "second_cos_rad", "second_sin_rad")
-        seen = names[: 4 if self.second else 2]
-        return tuple(Parameter(name, 2e-4, prior=self.spread_rad) for name in seen)
+        spread = 2 * [self.spread_rad] + 2 * [self.drawn_rad or self.spread_rad] * self.second
+        return tuple(Parameter(name, 2e-4, prior=prior) for name, prior in zip(names, spread))
+
+    def with_all_terms(self) -> Effect:
+        """Wheels that run out of true once a revolution do so twice, too, by about as much at most."""
+        if self.second or not any(self.values):
+            return self
+        return replace(self, values=(*self.values, 0.0, 0.0), second=True,
+                       drawn_rad=float(np.hypot(*self.values)))
 
     def change(self, view) -> Change:
         phi = view.phi[:, self.index]
@@ -58,7 +67,8 @@ class GearEccentricity(Effect):
     def redrawn(self, covariance: np.ndarray) -> Effect:
         """By expectation and maximisation (MacKay 1992): spread^2 = mean(value^2 + variance); on a part of a
         revolution the intervals of a gear far worse than real ones would be those of the real ones else."""
-        spread = np.sqrt(np.mean(np.square(self.values) + np.diag(covariance)))
+        asked_for = slice(2 if self.drawn_rad else None)
+        spread = np.sqrt(np.mean((np.square(self.values) + np.diag(covariance))[asked_for]))
         wider = max(float(spread), SPREAD_RAD)
         return self if abs(np.log(wider / self.spread_rad)) < _SETTLED else replace(self, spread_rad=wider)
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exactarm.numerics.signals import typical_step
+from exactarm.numerics.stamps import typical_step
 
 LEAST_CORRELATION = 0.9  # below, the two signals do not tell when they agree
 LEAST_DRIFT_S, LEAST_DRIFT_STEPS = 0.005, 2.0  # smaller ones are rounding of the stamps

@@ -12,11 +12,16 @@ from exactarm.chain.lost_samples import between_gaps
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds.base import rows_of_runs, runs_in_time
 from exactarm.first_aid.clock_drift import lags
-from exactarm.first_aid.odd_gear_runs import gyro_runs, odd_gear_runs, runs_of_several_axes
+from exactarm.first_aid.odd_gear_runs import (
+    gyro_runs,
+    odd_gear_runs,
+    rate_on_even_clock,
+    runs_of_several_axes,
+)
 from exactarm.first_aid.signal_mistakes import LONG_STEP_S
 from exactarm.first_aid.suspicion import Suspicion, run_words
 from exactarm.first_aid.tracked_mistakes import clock_suspicions
-from exactarm.numerics.signals import typical_step
+from exactarm.numerics.stamps import typical_step
 from exactarm.robot.robot import Robot
 from exactarm.view import motor_angles
 
@@ -96,7 +101,7 @@ def _of_clocks(robot: Robot, data: Dataset, both: np.ndarray) -> list[Suspicion]
         for i in both:
             sides = (data.joints["theta"][rows, i] / robot.ratios[i], data.joints["q"][rows, i])
             even, *sides = between_gaps(time, *sides)
-            rates = [np.gradient(_smooth(values), even) for values in sides]
+            rates = [rate_on_even_clock(even, values, _smooth)[1] for values in sides]
             told += [found] if (found := lags(even, *rates)) else []
         if not told:
             continue
@@ -156,7 +161,7 @@ def _of_gyroscope(robot: Robot, data: Dataset) -> list[Suspicion]:
         rows, axis = run.rows, run.axis
         time, angle, gyro = between_gaps(data.time[rows], theta[rows, axis] / robot.ratios[axis],
                                          data.gyro[rows])
-        rate = np.gradient(_smooth(angle), time)
+        time, rate = rate_on_even_clock(time, angle, _smooth)
         along = gyro.T @ rate
         size = max(float(np.linalg.norm(along)), 1e-300)
         slopes.setdefault(axis, []).append(size / max(float(rate @ rate), 1e-300))

@@ -28,7 +28,7 @@ from exactarm.first_aid.drive_model import (
 )
 from exactarm.first_aid.signal_mistakes import LONG_STEP_S
 from exactarm.first_aid.suspicion import FALL, Suspicion, in_order
-from exactarm.numerics.signals import typical_step
+from exactarm.numerics.stamps import typical_step
 from exactarm.robot.axes_in_words import axes_in_words
 from exactarm.robot.robot import GRAVITY_M_S2, Robot
 from exactarm.robot_file import load_robot, shipped_robots

@@ -19,6 +19,7 @@ from exactarm.chain.lost_samples import between_gaps
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds.base import STANDS_STILL, runs_in_time
 from exactarm.first_aid.suspicion import Suspicion, run_words
+from exactarm.numerics.signals import at_even_times, even_clock
 from exactarm.robot.axes_in_words import axes_in_words
 from exactarm.robot.robot import Robot
 from exactarm.view import motor_angles
@@ -64,10 +65,20 @@ def gyro_runs(robot: Robot, data: Dataset, smooth: Callable[[np.ndarray], np.nda
         axis = int(np.argmax(span))
         time, angle, gyro = between_gaps(data.time[rows], theta[rows, axis] / robot.ratios[axis],
                                          data.gyro[rows])
-        rate = np.gradient(smooth(angle), time)
+        rate = rate_on_even_clock(time, angle, smooth)[1]
         reading = np.stack([smooth(values) for values in gyro.T], axis=1)
         found.append(GyroRun.of(rows, axis, rate, reading))
     return found
+
+
+def rate_on_even_clock(time: np.ndarray, angle: np.ndarray,
+                       smooth: Callable[[np.ndarray], np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Time without the jitter of a logger, and rate of an angle, (N,) each: two stamps that come close to
+    each other would make any rate."""
+    clock = even_clock(time)
+    if clock is not time:
+        angle = at_even_times(angle[:, None], time, clock, 0)[:, 0]
+    return clock, np.gradient(smooth(angle), clock)
 
 
 def runs_of_several_axes(robot: Robot, data: Dataset) -> list[Suspicion]:

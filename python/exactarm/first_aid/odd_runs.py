@@ -33,7 +33,7 @@ from exactarm.first_aid.motion_mistakes import (
     undone,
 )
 from exactarm.first_aid.suspicion import FALL, Suspicion, in_order, run_words
-from exactarm.numerics.signals import typical_step
+from exactarm.numerics.stamps import typical_step
 from exactarm.robot.robot import Robot
 
 MOST_RUNS = 30  # more are seldom files of different sources, and each costs a fit

@@ -14,7 +14,7 @@ from exactarm.data.kinds.base import runs_in_time
 from exactarm.first_aid.rate_mistakes import rate_mistakes
 from exactarm.first_aid.suspicion import Suspicion
 from exactarm.identify.planned import controller_angles
-from exactarm.numerics.signals import typical_step
+from exactarm.numerics.stamps import typical_step
 from exactarm.robot.axes_in_words import axes_in_words
 from exactarm.robot.robot import Joint, Robot
 

@@ -27,7 +27,6 @@ Law = tuple[float, float]  # width rad/s and reach rad
 _WIDTHS_RAD_S = (1.2e-3, 2.5e-3, 5e-3, 1e-2, SIGN_WIDTH_RAD_S, 4e-2, 8e-2, 0.16)
 # before a gear slides: some tenths of a mrad (Al-Bender, Lampaert and Swevers 2005)
 _REACHES_RAD = (2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3, 5e-3)
-_REST_RAD_S, _LEAST_REST_S = 1e-3, 0.2  # a law for rest is no better known than rests were seen
 _FINER = (2.0**0.5, 2.0**0.25, 2.0**0.125, 2.0**0.0625)  # steps between the laws above, about twice another
 _CLEARLY = 0.998  # of the square sum: 1.4 nats of 40 s behind the usual low-pass
 _DEPENDENT = 1e-9  # of a column: what is left of it is rounding
@@ -87,7 +86,6 @@ class _Axis:
         record, keep = view.evaluated[2], prediction.record.keep
         self.view, self.axis, self.keep = view, axis, keep
         rate = view.signals["theta_dot"][:, axis] / view.robot.controller_ratios[axis]
-        self.rests = np.sum(np.abs(rate[keep]) < _REST_RAD_S) * record.step > _LEAST_REST_S
         self.rubbing = _Rubbing(view, layout, axis)
         at_start = _at_start(record, axis)[:, keep].T
         self.begun = at_start.any(axis=0)  # runs that show it
@@ -101,9 +99,9 @@ class _Axis:
 
     def law(self, known: Law) -> Law:
         """The best one, or the known one unless that is clearly better."""
-        held = self.view.evaluated[2].samples is not None and self.rests
+        sampled = self.view.evaluated[2].samples is not None
         laws = [(width, 0.0) for width in _WIDTHS_RAD_S]
-        laws += [(SIGN_WIDTH_RAD_S, reach) for reach in _REACHES_RAD if held]
+        laws += [(SIGN_WIDTH_RAD_S, reach) for reach in _REACHES_RAD if sampled]
         least, best = min((self.left(law), law) for law in laws)
         for factor in _FINER:
             nearer = [_times(best, factor), _times(best, 1.0 / factor)]

@@ -13,7 +13,8 @@ import numpy as np
 from exactarm.identify.gear_declared import SIDES
 from exactarm.identify.gear_samples import GearSamples
 from exactarm.numerics.harmonics import delivered
-from exactarm.numerics.signals import MOTION_HZ, derivative, gaussian_filter, typical_step
+from exactarm.numerics.signals import MOTION_HZ, derivative, gaussian_filter
+from exactarm.numerics.stamps import typical_step
 from exactarm.numerics.white_noise import white_noise
 from exactarm.robot.robot import GearTable
 

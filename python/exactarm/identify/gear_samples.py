@@ -19,7 +19,7 @@ from exactarm.data.kinds import GEAR_RUN
 from exactarm.data.kinds.base import rows_by_number
 from exactarm.identify.declared import carried_layout
 from exactarm.identify.gear_declared import sensor_layout
-from exactarm.numerics.signals import typical_step
+from exactarm.numerics.stamps import typical_step
 from exactarm.robot.robot import Robot
 from exactarm.station import Station
 

@@ -26,7 +26,8 @@ from scipy import fft, special
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds.base import rows_of_runs
 from exactarm.numerics.factors import lstsq
-from exactarm.numerics.signals import gaussian_filter, typical_step
+from exactarm.numerics.signals import gaussian_filter
+from exactarm.numerics.stamps import typical_step
 
 _FALSE_ALARM = 1e-4  # of one data set
 _MOST_TONES = 4

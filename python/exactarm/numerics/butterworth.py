@@ -41,6 +41,13 @@ def butterworth(values: np.ndarray, order: int, cutoff_hz: float, step: float) -
     return out
 
 
+def white_noise_behind(order: int, cutoff_hz: float, step: float, every: int, lags: int) -> np.ndarray:
+    """(lags + 1,) autocorrelation of every k-th sample of white noise, `step` apart, behind the low-pass."""
+    count = fft.next_fast_len(max(4096, 4 * lags * every), real=True)
+    found = fft.irfft(_taken(count, order, cutoff_hz * step) ** 2, count)[: lags * every + 1 : every]
+    return found / found[0]
+
+
 @lru_cache(maxsize=16)
 def _taken(count: int, order: int, cutoff: float) -> np.ndarray:
     """(count // 2 + 1,) what passes of the waves in so many samples; cutoff: in waves a sample."""

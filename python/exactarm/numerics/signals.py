@@ -13,13 +13,8 @@ import scipy  # scipy.interpolate and scipy.ndimage are imported at their first 
 from scipy import fft, sparse
 
 from exactarm import _core
+from exactarm.numerics.stamps import GAP, blocks, clocks, nearest_ticks, typical_step
 
-_FIRST_SAMPLES = 400  # as good as all, and quick on a long run
-_GAP = 1.5  # a step longer than this many typical ones may end a block ...
-# ... if the clock stays late by this share of one: median of so many stamps on either side
-_LOST, _AROUND = 0.5, 8
-# of a step; share of the steps: stamps on a grid tell every lost sample by themselves, however many are lost
-_OFF_THE_GRID, _GRID = 0.1, 0.99
 # Central differences on a unit grid, coefficients of x[k + 1] - x[k - 1], x[k + 2] - x[k - 2], ... (Fornberg
 # 1988).
 _STENCILS = {
@@ -29,58 +24,11 @@ _STENCILS = {
     4: (4 / 5, -1 / 5, 4 / 105, -1 / 280),
 }
 HALF_STENCIL = 4
-_LONG_SAMPLES = 10000
 _CERTAIN = 5.0  # standard deviations
 MOTION_HZ = 15.0  # that arms are moved with
 _EVEN, _CLOCK_CUTOFF_HZ = 1e-6, 1.0  # share of a step; slower changes of the sampling rate are believed
 _END_WIDTHS = 4.0  # deviations of the filter: the line at the ends of a noisy block
 _WIDE = 60  # samples of a kernel's reach from which a Fourier transform is quicker
-
-
-def typical_step(time: np.ndarray) -> float:
-    """Median sampling interval of one run, s, from its first samples; infinite for a single one."""
-    if time.size < 2:
-        return np.inf
-    steps = np.sort(np.diff(time[:_FIRST_SAMPLES]))  # np.median takes five times as long on so few
-    return float(0.5 * (steps[(steps.size - 1) // 2] + steps[steps.size // 2]))
-
-
-def order_of_sampling(time: np.ndarray) -> np.ndarray:
-    """Row indices of one run in the order of its stamps; rows stay as they are where stamps only jitter past
-    each other."""
-    back = -np.min(np.diff(time), initial=0.0)
-    if back == 0.0 or back < typical_step(time):
-        return np.arange(time.size)
-    return np.argsort(time, kind="stable")
-
-
-def blocks(time: np.ndarray) -> list[np.ndarray]:
-    """Index arrays of the stretches of one run without a gap."""
-    if time.size < 2:
-        return [np.arange(time.size)]
-    step = typical_step(time)
-    steps = np.diff(time) / step
-    gaps = np.flatnonzero(steps > _GAP)
-    if gaps.size:
-        lost = _lateness(time, gaps) > _LOST * step
-        whole = np.abs(steps - np.maximum(np.round(steps), 1.0)) < _OFF_THE_GRID
-        if np.mean(whole) > _GRID:
-            lost |= whole[gaps] & whole[np.minimum(gaps + 1, steps.size - 1)]
-        gaps = gaps[lost]
-    return np.split(np.arange(time.size), gaps + 1)
-
-
-def _lateness(time: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """By how much the stamps behind each of `rows` are later than those up to it say: a single late stamp is
-    made up for by the next step, lost samples are not."""
-    far = min(2 * _AROUND, time.size - 1)
-    # over many steps: their scatter stays small
-    step = np.median(time[far:][:_LONG_SAMPLES] - time[:-far][:_LONG_SAMPLES]) / far
-    reach = np.arange(_AROUND)
-    behind = np.minimum(rows[:, None] + 1 + reach, time.size - 1)
-    ahead = np.maximum(rows[:, None] - reach, 0)
-    late = lambda index: np.median(time[index] - step * index, axis=1)
-    return late(behind) - late(ahead)
 
 
 def even_clock(time: np.ndarray) -> np.ndarray:
@@ -93,17 +41,25 @@ def even_clock(time: np.ndarray) -> np.ndarray:
         return time
     steps = np.diff(time)
     uneven = np.abs(steps / typical_step(time) - 1.0) > _EVEN
-    if not np.any(uneven & (steps < _GAP * typical_step(time))):
+    if not np.any(uneven & (steps < GAP * typical_step(time))):
         return time
     out = time.copy()
     width = gaussian_sigma(_CLOCK_CUTOFF_HZ) / typical_step(time)
-    for rows in blocks(time):
-        # Beside a straight line: a jittered end is no point to reflect the block in.
-        line = np.polynomial.Polynomial.fit(rows, time[rows], 1)(rows) if rows.size > 2 else time[rows]
-        pad = min(int(np.ceil(6.0 * width)), rows.size)
-        beside = np.pad(time[rows] - line, pad, mode="symmetric")
-        out[rows] = line + _smoothed(beside, width, pad, True)[pad : pad + rows.size]
+    for rows, count in clocks(time):
+        clock = _smooth_clock(time[rows], count, width)
+        nearest = nearest_ticks(count, (time[rows] - clock) / typical_step(time))
+        out[rows] = clock if nearest is count else _smooth_clock(time[rows], nearest, width)
     return out
+
+
+def _smooth_clock(time: np.ndarray, count: np.ndarray, width: float) -> np.ndarray:
+    """(R,) smooth course of stamps over the ticks that they belong to, at these; width: samples."""
+    # Beside a straight line: a jittered end is no point to reflect the stretch in.
+    line = np.polynomial.Polynomial.fit(count, time, 1)(count) if time.size > 2 else time
+    every = np.interp(np.arange(count[-1] + 1), count, time - line)
+    pad = min(int(np.ceil(6.0 * width)), every.size)
+    beside = np.pad(every, pad, mode="symmetric")
+    return line + _smoothed(beside, width, pad, True)[pad : pad + every.size][count]
 
 
 def stamps_are_true(values: np.ndarray, rate: np.ndarray, time: np.ndarray, clock: np.ndarray) -> bool:
