@@ -96,6 +96,7 @@ def test_nothing_is_explained_while_gravity_may_point_elsewhere():
     robot, data = poses((0.0, 0.0, G))
     result = diagnose(robot, replace(data, identification=np.arange(80) % 4 > 0))
     assert result.verdict == UNEXPLAINED and "mounted otherwise" in result.sentence
+    assert not result.drafts  # a formula for what another gravity does
     (advice,) = _next(robot, result, [])
     assert "Look first at where gravity points" in advice.paragraphs[0]
 

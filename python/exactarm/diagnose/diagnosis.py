@@ -224,7 +224,8 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
         verdict = UNEXPLAINED
     of_what_is_left, verdict = verdict, UNEXPLAINED if preferred else verdict
     drafts = ()
-    may_draft = (problem.drafts or problem.unknown_rivals) and not unconverged and not undecided
+    may_draft = ((problem.drafts or problem.unknown_rivals) and not unconverged and not undecided
+                 and not problem.misdeclared)
     if of_what_is_left == UNEXPLAINED and may_draft:
         progress(DRAFTING)
         bare = _without_outdone(problem, declared, last, findings)
