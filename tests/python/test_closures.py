@@ -17,12 +17,14 @@ from exactarm.diagnose.verdict import NOTHING
 from exactarm.errors import ComputationError, InputError
 from exactarm.files.examples import data_path
 from exactarm.identify.calibrate import CalibrationOptions, calibrate
+from exactarm.identify.closure_fit import Pulls, fit_closures
 from exactarm.identify.closures import (
     SCALE,
     calibrate_closures,
     declare_closures,
     nominal_closures,
     set_distance_errors,
+    updated_robot,
 )
 from exactarm.identify.declared import carried_layout, geometry_layout
 from exactarm.identify.evaluate import evaluate_poses
@@ -33,6 +35,7 @@ from exactarm.robot.robot import Placement
 from exactarm.robot_file import load_robot
 from exactarm.simulate import Sensors, VirtualRobot, deviated, measure_poses, parse_effect
 from exactarm.simulate.closures import measure_closures
+from exactarm.simulate.profiles import limit
 from exactarm.simulate.virtual_robot import placed
 
 NOISE_M = 5e-5
@@ -81,6 +84,30 @@ def test_every_contact_recovers_the_arm(contact, count, left):
 
 
 @pytest.mark.slow
+def test_few_touches_go_by_how_far_the_arm_is_from_its_drawing():
+    """Spheres alone, of arms that deviate by a fifth of what is usual: beside parameters drawn by their
+    usual size (3 mm, 5 mrad) the mean error on other poses is 0.74 to 0.95 times, as it is for poses
+    (identify/drawing.py). Seeds 0 to 5, the first six."""
+    ratios = []
+    for seed in range(6):
+        random, nominal = np.random.default_rng(seed), load_robot(("panda", "ur10")[seed % 2])
+        true = placed(deviated(nominal, 0.2, random, frames=False), random)
+        sensors = Sensors(position_m=NOISE_M, orientation_rad=NOISE_M, counts=0)
+        data, _ = measure_closures(VirtualRobot(nominal, replace(true, base=Placement())), "sphere", 2, 15,
+                                   sensors, random)
+        data = replace(data, identification=np.ones(len(data), bool))
+        q = random.uniform(limit(nominal, "q_min"), limit(nominal, "q_max"), (100, nominal.axes))
+        judge = measure_poses(VirtualRobot(nominal, true), q, sensors, random)
+        fit = calibrate_closures(nominal, data, CalibrationOptions(compliance=())).fit
+        usual = Pulls.of(geometry_layout(nominal), data.fixture)
+        wide = fit_closures(nominal, fit.layout, data, usual, worth=fit.worth)
+        near, far = (evaluate_poses(updated_robot(nominal, data, one), judge).overall.mean
+                     for one in (fit, wide))
+        ratios.append(near / far)
+    assert np.median(ratios) < 0.9 and max(ratios) < 1.05
+
+
+@pytest.mark.slow
 def test_intervals_cover_at_the_rate_that_they_claim():
     """Six arms, every twentieth touch slipped by millimetres."""
     inside = []
@@ -100,11 +127,13 @@ def test_slipped_contacts_count_for_little():
 
 @pytest.mark.slow
 def test_without_a_known_length_the_intervals_know_that_the_scale_is_in_doubt():
+    """What is held is as good as the drawing, and that as good as the other parameters say: a width of more
+    than 5 mm was that of 3 mm, whatever the arm."""
     robot, data = touched("panda", "pair", 2, count=40)
     result = calibrate_closures(robot.nominal, data)
     assert SCALE in result.warnings
     widths = dict(zip(result.names, result.intervals[:, 1] - result.intervals[:, 0]))
-    assert widths["d_3_m"] > 5e-3 > widths["a_1_m"]
+    assert widths["d_3_m"] > 2e-3 > widths["a_1_m"] and np.mean(covered(robot, result)) >= 0.9
 
 
 @pytest.mark.slow

@@ -9,6 +9,7 @@ from exactarm.chain import Layout
 from exactarm.effects.frames import Frames
 from exactarm.identify.calibrate import CalibrationOptions, calibrate
 from exactarm.identify.declared import geometry_layout
+from exactarm.identify.drawing import Drawn
 from exactarm.identify.pose_fit import fit_poses
 from set_ups import at_random_place, joints_in_limits, measured, true_robot
 from six_axis import six_axis
@@ -102,3 +103,19 @@ def test_intervals_of_few_poses_hold_the_truth(arm, poses, noise):
         inside.append(np.mean((result.intervals[:, 0] < values) & (values < result.intervals[:, 1])))
     # 40 sets of some 29 parameters, which hang together: a standard deviation of the mean of 0.01
     assert 0.92 < np.mean(inside) < 0.98, f"{np.mean(inside):.3f}"
+
+
+def test_a_fit_that_was_drawn_tells_the_same_scale(arm):
+    """What it was drawn to is no news. Any seed: 0 to 7 were tried."""
+    rng = np.random.default_rng(5)
+    data = measured(arm, [true_robot(arm, rng, 0.3)], [joints_in_limits(arm, 60, rng)], FINE_M, rng)
+    layout = calibrate(arm, data, OPTIONS).fit.layout
+    geometry = geometry_layout(arm)
+    freely = fit_poses(arm, layout, data)
+    told = Drawn.around(geometry, layout, freely.fit)
+    to = {name: (value, p.plausible) for name, value, p in zip(geometry.names, geometry.values,
+                                                              geometry.parameters)}
+    drawn = fit_poses(arm, layout, data, drawn=Drawn(to))
+    again = Drawn.around(geometry, layout, drawn.fit, to)
+    assert again.scale == pytest.approx(told.scale, rel=0.02)
+    assert again.told == pytest.approx(told.told, rel=0.02)

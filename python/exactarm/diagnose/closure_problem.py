@@ -29,6 +29,7 @@ from exactarm.identify.closure_fit import ClosureFit, Pulls, fit_closures
 from exactarm.identify.closure_scale import gravity_alone
 from exactarm.identify.closures import (
     SLIPPED,
+    DeclaredClosures,
     carried_effects,
     closure_errors,
     declare_closures,
@@ -37,7 +38,7 @@ from exactarm.identify.closures import (
     slipped_rows,
     updated_robot,
 )
-from exactarm.identify.declared import geometry_layout, reestimated_layout
+from exactarm.identify.declared import reestimated_layout
 from exactarm.identify.judged_rows import judged_rows, touched_contacts
 from exactarm.identify.length_doubt import length_doubts
 from exactarm.measurement.closures import (
@@ -142,7 +143,6 @@ class ClosureProblem(ProblemAtRest):
     def __init__(self, robot: Robot, data: Dataset, held_out: Dataset, threads: int = 1, seed: int = 0):
         super().__init__(robot, touches(data), touches(held_out) if len(held_out) else held_out, threads,
                          seed)
-        self.pulls = Pulls.of(geometry_layout(robot), data.fixture)
 
     @cached_property
     def of_the_arm(self) -> float:
@@ -177,14 +177,23 @@ class ClosureProblem(ProblemAtRest):
     def declared(self) -> Layout:
         return self._declared.layout
 
-    @cached_property
+    @property
+    def pulls(self) -> Pulls:
+        """As near to its drawing as the declared model has found the arm."""
+        return self._found.pulls
+
+    @property
     def _declared(self) -> ClosureFit:
+        return self._found.fit
+
+    @cached_property
+    def _found(self) -> DeclaredClosures:
         sessions = tuple(
             sorted({*sessions_of(self.data), *(sessions_of(self.held_out) if len(self.held_out) else ())}))
         own = reestimated_layout(self.robot, self.data)
         known = carried_effects(self.robot, self.data).effects
         carried = own.only(k for k, effect in enumerate(own.effects) if effect in known)
-        return declare_closures(self.robot, self.data, (), self.seed, self.threads, sessions, carried).fit
+        return declare_closures(self.robot, self.data, (), self.seed, self.threads, sessions, carried)
 
     def fit(self, layout: Layout, weight: np.ndarray | None = None,
             sigma: np.ndarray | None = None) -> Fitted:

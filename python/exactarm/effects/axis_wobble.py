@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from exactarm.data.kinds import WITH_TARGET
+from exactarm.data.kinds import POSES
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.moving_frames import MovingFrames, turn_slope, turned_about
 
@@ -32,7 +32,8 @@ class AxisWobble(Effect):
     name = "axis_wobble"
     plain = "a bearing that wobbles"
     station = Station.GEOMETRY
-    kinds = WITH_TARGET
+    # not tracked motions: that of a flange took up what else was left there (blind case 96075)
+    kinds = (POSES.name,)
     compensable = True
     source = "ISO 230-7:2015, tilt and radial error motions of an axis of rotation"
 

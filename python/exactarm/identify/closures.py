@@ -24,6 +24,7 @@ from exactarm.identify.closure_scale import gravity_alone, longest_length, scale
 from exactarm.identify.compliance import compliance_layout
 from exactarm.identify.contact_starts import counted_anew, sought_anew, with_contacts
 from exactarm.identify.declared import carried_layout, frames_layout, geometry_layout, require_geometry
+from exactarm.identify.drawing import Drawn
 from exactarm.identify.identifiability import Dropped, Identifiability, select_identifiable, still_axes
 from exactarm.identify.judged_rows import judged_rows, unjudged_lines
 from exactarm.identify.length_doubt import length_doubts
@@ -140,6 +141,9 @@ def declare_closures(robot: Robot, data: Dataset, compliance: tuple[int, ...] | 
         worth = fit.told(data)
         if worth.min() < 1.0:
             fit = fit_closures(robot, fit.layout, data, pulls, worth=worth, threads=threads)
+        drawn = Drawn.around(geometry, fit.layout, fit.fit, pulls.drawing)
+        pulls = replace(pulls, drawing=drawn.to)
+        fit = fit_closures(robot, fit.layout, data, pulls, worth=worth, threads=threads)
         return setup.joined(beside), layout, pulls, found, fit
 
     one = fitted(setup)

@@ -41,8 +41,9 @@ class Drawn:
     told: float = 0.0
 
     @staticmethod
-    def around(declared: Layout, layout: Layout, fit: Fit) -> Drawn:
-        """All parameters of `declared`, by the `fit` of those that `layout` has free, without a drawing."""
+    def around(declared: Layout, layout: Layout, fit: Fit, drawing: Drawing | None = None) -> Drawn:
+        """All parameters of `declared`, by the `fit` of those that `layout` has free; drawing: what that fit
+        was drawn to, None = to nothing."""
         centre = dict(zip(declared.names, declared.values))
         plausible = {name: p.plausible for name, p in zip(declared.names, declared.parameters)}
         seen = ~fit.at_bound & (np.diag(fit.covariance) > 0.0)
@@ -55,7 +56,9 @@ class Drawn:
             x = fit.x[seen]
             deviation = (x - [centre.get(name, value) for name, value in zip(names, x)]) / unit
             known = linalg.pinvh(fit.covariance[np.ix_(seen, seen)] / np.outer(unit, unit))
-            scale, weight, told = _scale(known, deviation, drawn)
+            right = known @ deviation
+            pulled = [drawing[name][1] if drawing and name in drawing else np.inf for name in names]
+            scale, weight, told = _scale(known - np.diag((unit / pulled) ** 2), right, drawn)
         loose = dict(zip([name for name, one in zip(names, drawn) if one], 1.0 / np.sqrt(weight)))
         return Drawn({name: (value, float(scale * loose.get(name, 1.0) * plausible[name]))
                       for name, value in centre.items()}, scale, told)
@@ -64,13 +67,12 @@ class Drawn:
 FREE = Drawn()  # drawn to nothing
 
 
-def _scale(known: np.ndarray, found: np.ndarray, drawn: np.ndarray) -> tuple[float, np.ndarray, float]:
-    """s, w (d,) and the sum of gamma; known (P, P): information without a drawing, found (P,): its estimate,
-    both in units of tau; drawn (P,) bool."""
+def _scale(known: np.ndarray, right: np.ndarray, drawn: np.ndarray) -> tuple[float, np.ndarray, float]:
+    """s, w (d,) and the sum of gamma; known (P, P): information without a drawing, right (P,): it times its
+    estimate, in units of tau; drawn (P,) bool."""
     scale, weight, told = 1.0, np.ones(int(drawn.sum())), 0.0
-    right = known @ found
     for _ in range(_ROUNDS):
-        pull = np.zeros(len(found))
+        pull = np.zeros(len(right))
         pull[drawn] = weight / scale**2
         covariance = np.linalg.inv(known + np.diag(pull))
         deviation = (covariance @ right)[drawn]
