@@ -13,7 +13,7 @@ import scipy  # scipy.interpolate and scipy.ndimage are imported at their first 
 from scipy import fft, sparse
 
 from exactarm import _core
-from exactarm.numerics.stamps import GAP, blocks, clocks, nearest_ticks, typical_step
+from exactarm.numerics.stamps import GAP, blocks, clocks, counted_again, nearest_ticks, typical_step
 
 # Central differences on a unit grid, coefficients of x[k + 1] - x[k - 1], x[k + 2] - x[k - 2], ... (Fornberg
 # 1988).
@@ -46,9 +46,11 @@ def even_clock(time: np.ndarray) -> np.ndarray:
     out = time.copy()
     width = gaussian_sigma(_CLOCK_CUTOFF_HZ) / typical_step(time)
     for rows, count in clocks(time):
-        clock = _smooth_clock(time[rows], count, width)
-        nearest = nearest_ticks(count, (time[rows] - clock) / typical_step(time))
-        out[rows] = clock if nearest is count else _smooth_clock(time[rows], nearest, width)
+        own = time[rows]
+        for better in (counted_again, counted_again, counted_again, nearest_ticks):
+            clock = _smooth_clock(own, count, width)
+            count = better(count, (own - clock) * count[-1] / max(own[-1] - own[0], np.finfo(float).tiny))
+        out[rows] = _smooth_clock(own, count, width)
     return out
 
 

@@ -9,7 +9,7 @@ GAP = 1.5  # a step longer than this many typical ones may end a block ...
 _LONG = 1.1  # ... and the longest one beyond this, where the clock stays late and none is longer
 # ... if the clock stays late by this share of one: median of so many stamps on either side
 _LOST, _AROUND = 0.5, 8
-_PASSES = 3  # of counting what was lost
+_COUNTABLE = 32  # rows: over more the step, as far as it is known, does not tell one sample
 _COUNTED = 0.4  # of a step, by which the clock may be later than whole steps say
 # of a step; share of the steps: stamps on a grid tell every lost sample by themselves, however many are lost
 _OFF_THE_GRID, _GRID = 0.1, 0.99
@@ -53,7 +53,10 @@ def _lost(time: np.ndarray, steps: np.ndarray, gaps: np.ndarray) -> np.ndarray:
     """(G,) bool: gaps at which samples were lost, and no stamp was late; steps in typical ones. Of gaps near
     to each other the longest ones, until they say by how much the clock is late behind all of them."""
     lost, step = np.zeros(gaps.size, bool), typical_step(time)
-    for places in np.split(np.arange(gaps.size), np.flatnonzero(np.diff(gaps) > _AROUND) + 1):
+    for places in _near(gaps):
+        if gaps[places[-1]] - gaps[places[0]] > _COUNTABLE:
+            lost[places] = _lateness(time, gaps[places], gaps[places]) > _LOST * step
+            continue
         late = _lateness(time, gaps[places[:1]], gaps[places[-1:]])[0] / step
         for place in places[np.argsort(-steps[gaps[places]], kind="stable")]:
             if late <= _LOST:
@@ -61,6 +64,11 @@ def _lost(time: np.ndarray, steps: np.ndarray, gaps: np.ndarray) -> np.ndarray:
             lost[place] = True
             late -= max(round(steps[gaps[place]]) - 1.0, 1.0)
     return lost
+
+
+def _near(gaps: np.ndarray) -> list[np.ndarray]:
+    """Places in `gaps` of those near to each other, together."""
+    return np.split(np.arange(gaps.size), np.flatnonzero(np.diff(gaps) > _AROUND) + 1) if gaps.size else []
 
 
 def _early_gaps(time: np.ndarray, steps: np.ndarray, gaps: np.ndarray) -> np.ndarray:
@@ -100,8 +108,8 @@ def clocks(time: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     gaps = np.array([rows[-1] for rows in parts[:-1]], int)
     longer = np.diff(time)[gaps] / step - 1.0
     missed = np.zeros(gaps.size, int)  # 0: nobody knows how many
-    for places in np.split(np.arange(gaps.size), np.flatnonzero(np.diff(gaps) > _AROUND) + 1):
-        if places.size and longer[places].max() < _AROUND:
+    for places in _near(gaps):
+        if longer[places].max() < _AROUND and gaps[places[-1]] - gaps[places[0]] <= _COUNTABLE:
             late = _lateness(time, gaps[places[:1]], gaps[places[-1:]])[0] / step
             if abs(late - round(late)) < _COUNTED and late > places.size - _COUNTED:
                 each = np.ones(places.size, int)
@@ -116,23 +124,23 @@ def clocks(time: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
             found.append((np.concatenate([earlier, rows]), count))
         else:
             found.append((rows, np.arange(rows.size)))
-    return [(rows, _counted_again(time[rows] / step, count)) for rows, count in found]
+    return found
 
 
-def _counted_again(time: np.ndarray, count: np.ndarray) -> np.ndarray:
-    """The ticks of stamps, in steps, with one more or less wherever the clock stays late or early by half of
-    one or more: gaps that stand close together hide each other."""
-    for _ in range(_PASSES if count.size > 2 * _AROUND else 0):
-        level = np.median(np.lib.stride_tricks.sliding_window_view(time - count, _AROUND), axis=1)
-        jump = np.zeros(count.size - 1)  # behind a sample
-        jump[_AROUND - 1 : 1 - _AROUND] = level[_AROUND:] - level[:-_AROUND]
-        jump[(jump < 0.0) & (np.diff(count) < 2)] = 0.0
-        late = np.flatnonzero(np.abs(jump) > _LOST)
-        if not late.size:
-            break
-        for places in np.split(late, np.flatnonzero(np.diff(late) > _AROUND) + 1):
-            place = places[np.argmax(np.abs(jump[places]))]
-            count = count + np.where(np.arange(count.size) > place, round(jump[place]), 0)
+def counted_again(count: np.ndarray, late: np.ndarray) -> np.ndarray:
+    """The ticks (R,) of samples that are `late` steps behind those at `count`, with one more or less wherever
+    they stay late or early by half of one or more: gaps that stand close together hide each other. `count`
+    itself where they do not."""
+    if count.size <= 2 * _AROUND:
+        return count
+    level = np.median(np.lib.stride_tricks.sliding_window_view(late, _AROUND), axis=1)
+    jump = np.zeros(count.size - 1)  # behind a sample
+    jump[_AROUND - 1 : 1 - _AROUND] = level[_AROUND:] - level[:-_AROUND]
+    jump[(jump < 0.0) & (np.diff(count) < 2)] = 0.0
+    places = np.flatnonzero(np.abs(jump) > _LOST)
+    for near in _near(places):
+        place = places[near[np.argmax(np.abs(jump[places[near]]))]]
+        count = count + np.where(np.arange(count.size) > place, round(jump[place]), 0)
     return count
 
 
