@@ -39,6 +39,7 @@ def wobbled(robot, q: np.ndarray, effect: AxisWobble) -> np.ndarray:
 
 @pytest.mark.parametrize("joint, waves", [(1, 2.0), (3, -1.0), (5, 3.0)])
 def test_the_arm_behind_moves_as_a_rigid_body(joint, waves):
+    """Any seed of the angles: 0 to 7 were tried."""
     robot = placed(six_axis())
     effect = AxisWobble(joint, (waves, 2e-4, -1e-4, 5e-5, 3e-5))
     q = angles(robot, 40, 2)
@@ -49,6 +50,7 @@ def test_the_arm_behind_moves_as_a_rigid_body(joint, waves):
 
 @pytest.mark.parametrize("joint, waves", [(1, -2.0), (2, -1.0), (4, 3.0)])
 def test_derivatives_by_all_parameters_of_the_arm(joint, waves):
+    """Any seed of the angles: 0 to 7 were tried."""
     robot, effect = placed(six_axis()), AxisWobble(joint, (waves, 2e-5, -1e-5, 5e-6, 3e-6))
     q = angles(robot, 12, 3)
     declared = Layout.of((Frames.of(1, robot.base, robot.tool, False),)).joined(geometry_layout(robot))

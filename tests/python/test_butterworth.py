@@ -44,8 +44,9 @@ def test_many_columns_are_filtered_alike():
 @pytest.mark.parametrize("order, cutoff, step, every",
                          [(8, 80.0, 2e-3, 2), (8, 80.0, 1e-3, 4), (4, 20.0, 1e-3, 5)])
 def test_white_noise_behind_it_is_alike_as_far_as_it_says(order, cutoff, step, every):
+    """Any seed: 0 to 7 were tried. Of 400 s below 20 Hz some 16,000 numbers are independent: 0.008 each."""
     noise = np.random.default_rng(0).standard_normal((400_000, 1))
     smooth = butterworth(noise, order, cutoff, step)[::every, 0]
     lags = 8
     found = [smooth[: smooth.size - k] @ smooth[k:] for k in range(lags + 1)]
-    assert np.allclose(white_noise_behind(order, cutoff, step, every, lags), found / found[0], atol=0.01)
+    assert np.allclose(white_noise_behind(order, cutoff, step, every, lags), found / found[0], atol=0.03)
