@@ -41,7 +41,9 @@ def candidates() -> dict[str, list]:
             if view.kind in library()[name].kinds and not effects:
                 effects += [sized(effect) for effect in library()[name].candidates(ARM, view)]
     draft = {"joint": 5, "form": "a*(q_4 + q_6)^2", "of": ["q_4", "q_6"], "values": {"a": 3e-4}}
-    return found | {"expression": [library()["expression"].from_table(draft)]}
+    # no axis of this motion turns so far that a wobble of it would be tried
+    wobble = library()["axis_wobble"](2, (2.0, 5e-5, 3e-5))
+    return found | {"expression": [library()["expression"].from_table(draft)], "axis_wobble": [wobble]}
 
 
 def sized(effect):

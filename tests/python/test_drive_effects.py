@@ -24,7 +24,7 @@ from six_axis import six_axis
 ROWS, AXES = 40, 6
 MOTION = (
     "coulomb_friction viscous_friction stribeck_friction asymmetric_friction load_friction "
-    "shear_thinning_friction torque_offset "
+    "shear_thinning_friction "
     "torque_ripple torque_constant rotor_inertia gravity_compensator motor_link_coupling payload "
     "thermal_drift"
 ).split()

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from exactarm.data.kinds import POSES
+from exactarm.effects.axis_wobble import FEW_AXES
 from exactarm.effects.base import Change, Effect, Parameter, Station
 from exactarm.effects.moving_frames import MovingFrames
 
@@ -74,7 +75,7 @@ class ToolSag(Effect):
 
     @classmethod
     def candidates(cls, robot, view) -> Iterable[Effect]:
-        if not np.any(robot.gravity):
+        if not np.any(robot.gravity) or robot.axes <= FEW_AXES:
             return ()
         turn = view.data.rotation is not None
         return (cls(None, (0.0,) * (8 if turn else 5), turn),)
