@@ -134,7 +134,8 @@ class _Axis:
                                 rcond=_DEPENDENT)[0]
         held, first = np.zeros(self.begun.size), columns.shape[1]
         levels = found[first : first + self.at_start.shape[1]]
-        held[self.begun] = np.clip(levels / max(found[0], _DEPENDENT * np.max(np.abs(levels))), -1.0, 1.0)
+        rubs = max(found[0], _DEPENDENT * np.max(np.abs(levels), initial=_DEPENDENT))
+        held[self.begun] = np.clip(levels / rubs, -1.0, 1.0)
         return held
 
 
