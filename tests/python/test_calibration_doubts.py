@@ -11,7 +11,12 @@ from exactarm.commands.next_steps import HEADING
 from exactarm.data.dataset import read_dataset
 from exactarm.errors import InputError
 from exactarm.files.examples import data_path
-from exactarm.identify.calibration_doubts import FAR_FROM_DRAWING, contradicting, far_from_drawing
+from exactarm.identify.calibration_doubts import (
+    FAR_FROM_DRAWING,
+    FAR_ZERO_RAD,
+    contradicting,
+    far_from_drawing,
+)
 from exactarm.robot_file import load_robot
 from test_closures import touched
 
@@ -84,6 +89,14 @@ def test_how_far_a_length_may_be_off(ur10, share, count):
     joints[1] = replace(joints[1], a=joints[1].a + share * FAR_FROM_DRAWING * robot.reach)
     assert len(list(far_from_drawing(robot, replace(robot, joints=tuple(joints))))) == count
 
+
+@pytest.mark.parametrize("share, count", [(0.9, 0), (-0.9, 0), (1.1, 1), (-1.1, 1)])
+def test_how_far_a_zero_may_be_off(ur10, share, count):
+    robot = ur10[0]
+    joints = list(robot.joints)
+    joints[3] = replace(joints[3], q_offset=joints[3].q_offset + share * FAR_ZERO_RAD)
+    lines = list(far_from_drawing(robot, replace(robot, joints=tuple(joints))))
+    assert len(lines) == count and all(line.startswith("the zero of axis 4 comes out") for line in lines)
 
 
 def two_arms():

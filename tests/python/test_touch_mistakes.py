@@ -1,6 +1,8 @@
 """Mistakes in the angles of touches are named, and right touches are accused of nothing, whatever the arm
 lacks."""
 
+import re
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -9,9 +11,11 @@ import pytest
 from exactarm.cli import main
 from exactarm.data.dataset import Dataset, read_dataset
 from exactarm.data.fixture import load_fixture
+from exactarm.errors import InputError
 from exactarm.files.examples import data_path
 from exactarm.first_aid.first_aid import first_aid
 from exactarm.first_aid.touch_mistakes import unused_distances
+from exactarm.identify.closures import require_size
 from exactarm.robot_file import load_robot
 from test_closures import ECCENTRICITY, touched
 from test_contact_starts import touched_blocks
@@ -49,6 +53,31 @@ def told(found: list) -> list[str]:
 def test_mistakes_in_the_angles_of_touches_are_named(name, contact):
     robot, data = touched(name, contact, 1, count=20)
     assert told(changed(robot.nominal, data)) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "contact"), CONTACTS)
+def test_another_zero_of_any_size_is_named(name, contact):
+    """Axis and angle; the first axis' zero and, but for faces and pairs, the last one's show nowhere."""
+    robot, data = touched(name, contact, 1, count=20)
+    for axis, angle in ((2, 5.0), (3, -12.0), (4, 30.0)):
+        line, = first_aid(robot.nominal, with_angles(data, lambda q: q + np.radians(angle) * (
+            np.arange(q.shape[1]) == axis - 1)))
+        found = re.match(rf"with another zero of axis {axis} \(by ([-+.0-9]+) degrees\)", line)
+        assert found and float(found[1]) == pytest.approx(-angle, abs=0.6)  # the arm's own zeros: 5 mrad each
+
+
+@pytest.mark.parametrize(("share", "refused"), [(0.4, True), (0.6, False), (1.9, False), (2.1, True)])
+def test_touches_that_meet_only_with_another_arm_are_refused(share, refused):
+    """An arm of no length touches any face: from a far wrong start a search ends there (a panda whose axis 4
+    is off by 30 degrees, against faces: 0.4)."""
+    robot = load_robot("ur10")
+    data = read_dataset(data_path("ur10") / "series_B.csv", robot)
+    found = replace(robot, joints=tuple(replace(joint, a=share * joint.a, d=share * joint.d)
+                                        for joint in robot.joints))
+    with (pytest.raises(InputError, match=f"only if the arm is {share} times as large as ur10") if refused
+          else nullcontext()):
+        require_size(robot, found, data)
 
 
 @pytest.mark.slow

@@ -44,6 +44,7 @@ from exactarm.diagnose.selected import UNKNOWN, Accepted
 from exactarm.diagnose.signal import Quantity
 from exactarm.diagnose.verdict import UNEXPLAINED, remains, stood_and_refuted
 from exactarm.errors import InputError
+from exactarm.identify.calibration_doubts import far_from_drawing
 from exactarm.identify.session_payloads import session_payloads
 from exactarm.identify.statistics import summarise
 from exactarm.progress import SILENT, Progress
@@ -100,11 +101,11 @@ def diagnose(robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, thread
             skipped.append(f"the file also holds {each.replace('_', ' ')} data, which was not diagnosed: "
                            f"{error}")
             continue
+        doubts = (*result.problem.doubts(result.selection.fits[-1]), *far_from_drawing(known, result.robot))
+        warnings += [line for line in (*told, *found, *doubts) if line not in warnings]
         # What the first kind of data has found is part of the model that the next kind judges.
         known = result.robot
         results.append(result)
-        doubts = result.problem.doubts(result.selection.fits[-1])
-        warnings += [line for line in (*told, *found, *doubts) if line not in warnings]
     lines = (line for each in results for line in (
         _mounted_otherwise(each), _doubted(each), _objected(each), wild_elsewhere(each)))
     warnings += dict.fromkeys(line for line in lines if line is not None)

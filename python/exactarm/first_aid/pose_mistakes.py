@@ -19,6 +19,7 @@ from exactarm.chain import Layout, predict_poses
 from exactarm.data.dataset import Dataset
 from exactarm.data.kinds import TRACKED_MOTION
 from exactarm.first_aid.arm_itself import left_by_geometry, left_standing
+from exactarm.first_aid.axis_mistakes import SUSPICIOUS_SHARE, scales_and_zeros
 from exactarm.first_aid.linear_frames import free_frames, least_left, linear_frames, solved
 from exactarm.first_aid.lost_readings import lost_targets
 from exactarm.first_aid.misfit import (
@@ -39,22 +40,12 @@ from exactarm.first_aid.pose_candidates import (
     FARTHEST_SIZE,
     MIRRORED,
     candidates,
-    scaled,
-    turned,
-    with_angles,
 )
 from exactarm.first_aid.suspicion import AS_GOOD, FALL, Suspicion, in_order
 from exactarm.robot.robot import Placement, Robot
 
 MOST_ROWS = 120  # of a session, evenly spread: a mistake shows in every row
 LEAST_ROWS = 10  # of a session: 30 numbers for the 15 unknowns of the linear fit
-# wrong ratios of gears, from which the best one is looked for
-_SCALES = (0.5, 0.8, 0.9, 0.95, 1.05, 1.1, 1.25, 2.0)
-# other zeros, from which the best one is looked for; a smaller one is calibrated
-_ZEROS_RAD = tuple(np.deg2rad([sign * k for k in (5, 10, 20, 35, 60, 90, 120, 150, 180) for sign in (1, -1)]))
-_LITTLE = 10.0  # a fall below which a zero or ratio of one axis may explain more
-_LEAST_ZERO_RAD = np.deg2rad(2.0)
-_SUSPICIOUS_SHARE = 0.005  # of the reach: a whole axis that turns wrongly leaves more
 _LEAST_SHARE = 5e-4  # of the reach: what a wrong clock leaves, less is an arm's own
 _CLOCK_GAP_S = 0.2  # at the end of a run: less may be a delay throughout, of which the library knows 0.1 s
 _CLOCK_STEP = 1.02
@@ -91,10 +82,11 @@ def pose_mistakes(robot: Robot, data: Dataset, carried: Layout, seed: int = 0) -
     found += _another_size(bare, carried, data, size, now, seed)
     found += _scaled_columns(bare, carried, data, now)
     found = found or list(_another_clock(bare, carried, data, now, seed))
-    if max((each.fall for each in found), default=0.0) < _LITTLE:
-        found += _scales_and_zeros(bare, carried, data, now)
+    if turns or now.position > SUSPICIOUS_SHARE * bare.reach:
+        found += scales_and_zeros(bare, data, found, lambda changed: falls_of(
+            now, data, [(bare, carried, each) for each in changed]))
     found = found or list(_changes_midway(bare, carried, data, now))
-    if found and not turns and now.position < _SUSPICIOUS_SHARE * bare.reach:
+    if found and not turns and now.position < SUSPICIOUS_SHARE * bare.reach:
         geometry = left_by_geometry(bare, carried, data, seed)
         found = [each for each in found if now.position / each.fall < geometry]
     found = found or list(_gross_rows(bare, carried, whole))
@@ -202,43 +194,6 @@ def _another_clock(bare: Robot, carried: Layout, data: Dataset, now: Misfit,
     longest = max(float(np.ptp(data.time[data.run == run])) for run in np.unique(data.run))
     if fall >= FALL and abs(float(best.x) - 1.0) * longest > _CLOCK_GAP_S:
         yield Suspicion(f"a device whose time runs {best.x:.4g} times as fast as the controller's", fall)
-
-
-def _scales_and_zeros(bare: Robot, carried: Layout, data: Dataset, now: Misfit) -> Iterator[Suspicion]:
-    """One axis turns by another factor than its angles say, a wrong gear ratio, or counts from another
-    zero."""
-    if now.position < _SUSPICIOUS_SHARE * bare.reach and not now.orientation > LEAST_ORIENTATION_RAD:
-        return
-    best = lambda *change: _best_of_axes(bare, carried, data, now, *change)
-    scale = best((*_SCALES, 1.0), lambda i, factor: scaled([i], factor))
-    zero = best((*_ZEROS_RAD, 0.0), lambda i, angle: turned(i, angle, bare))
-    if scale[0] >= FALL:
-        yield Suspicion(f"axis {scale[1] + 1} turning {scale[2]:.4g} times as far as the data say (its gear "
-                        "ratio?)", scale[0])
-    if zero[0] >= FALL and abs(zero[2]) > _LEAST_ZERO_RAD:
-        degrees = f"{np.degrees(zero[2]):+.3g} degrees"
-        yield Suspicion(f"another zero of axis {zero[1] + 1} (by {degrees})", zero[0])
-
-
-def _best_of_axes(bare: Robot, carried: Layout, data: Dataset, now: Misfit, grid: tuple[float, ...],
-                  change) -> tuple[float, int, float]:
-    """Fall, axis and size of the change of one axis' angles that explains most; the last of the grid: no
-    change."""
-    turning = [i for i in range(bare.axes) if bare.joints[i].type == "revolute"]
-    if not turning:
-        return 0.0, 0, grid[-1]
-
-    def falls(pairs: list[tuple[int, float]]) -> list[float]:
-        return falls_of(now, data, [(bare, carried, with_angles(data, change(*pair))) for pair in pairs])
-
-    pairs = [(i, size) for i in turning for size in grid[:-1]]
-    axis, size = pairs[int(np.argmax(falls(pairs)))]
-    around = np.sort(grid)
-    place = int(np.searchsorted(around, size))
-    ends = around[max(place - 1, 0)], around[min(place + 1, len(around) - 1)]
-    best = scipy.optimize.minimize_scalar(lambda value: -falls([(axis, value)])[0], bounds=ends,
-                                          method="bounded", options={"maxiter": 40, "xatol": 1e-5})
-    return -float(best.fun), axis, float(best.x)
 
 
 def _changes_midway(bare: Robot, carried: Layout, data: Dataset, now: Misfit) -> Iterator[Suspicion]:

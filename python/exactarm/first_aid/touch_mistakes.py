@@ -8,11 +8,13 @@ in shares of the flange's travel: angles that hardly turn the arm would meet any
 changes of angles as for poses, tried in one batch. Nothing is corrected.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from exactarm.data.dataset import NO_CONTACT, Dataset
+from exactarm.first_aid.axis_mistakes import SUSPICIOUS_SHARE, scales_and_zeros
 from exactarm.first_aid.misfit import flanges
 from exactarm.first_aid.pose_candidates import of_angles
 from exactarm.first_aid.pose_mistakes import spread
@@ -80,11 +82,22 @@ def touch_mistakes(robot: Robot, data: Dataset) -> list[Suspicion]:
     turns = _turns(bare, some)
     words, tried = zip(("", some), *(each for each in of_angles(bare, some)
                                      if _turns_enough(turns, _turns(bare, each[1]))))
-    points, rotations = flanges([(bare, carried, each) for each in tried])
-    left, shares = _best(points, rotations, contacts, robot.tool.position)
-    falls = shares[0] / np.maximum(shares, 1e-12)
-    good = (falls >= FALL) & (left < WORST_SHARE * robot.reach)
-    return in_order([Suspicion(words[k], float(falls[k])) for k in np.flatnonzero(good)])
+
+    def left(tried: Sequence[Dataset]) -> tuple[np.ndarray, np.ndarray]:
+        points, rotations = flanges([(bare, carried, each) for each in tried])
+        return _best(points, rotations, contacts, robot.tool.position)
+
+    missed, shares = left(tried)
+    falls = _falls(shares[0], missed, shares, robot.reach)
+    found = [Suspicion(words[k], float(falls[k])) for k in np.flatnonzero(falls >= FALL)]
+    if missed[0] > SUSPICIOUS_SHARE * robot.reach:
+        found += scales_and_zeros(bare, some, found, lambda each: _falls(shares[0], *left(each), robot.reach))
+    return in_order(found)
+
+
+def _falls(share: float, missed: np.ndarray, shares: np.ndarray, reach: float) -> np.ndarray:
+    """(K,) how many times smaller than `share`; 0 where the robot file would be refused all the same."""
+    return np.where(missed < WORST_SHARE * reach, share / np.maximum(shares, 1e-12), 0.0)
 
 
 def _turns_enough(given: np.ndarray, meant: np.ndarray) -> bool:

@@ -1,5 +1,5 @@
 """What a calibration shows of its data and its robot file that no arm does: files that contradict each other,
-more left over than arms miss by, readings that are rounded as coarsely, a length far from the file's.
+more left over than arms miss by, readings that are rounded as coarsely, a length or zero far from the file's.
 
     rounding to a step s leaves s / sqrt(12); of an angle: times the lever of its axis
 """
@@ -29,6 +29,7 @@ MIXED_UP = ("are rows, columns or files mixed up, angles rounded, a column not m
 TOUCHED = ("did the fixture move within a session, has a contact another number, does the robot file lack a "
            "coupling of its motors, or is a length of the fixture another one?")
 FAR_FROM_DRAWING = 0.02  # of the reach: ten times what arms miss by
+FAR_ZERO_RAD = 0.05  # five times what is plausible, twice the most of the arms that ship (25 mrad)
 
 
 def doubts(declared: Robot, result: Calibration, calibrated: Calibrated) -> tuple[str, ...]:
@@ -115,10 +116,19 @@ def rounded(robot: Robot, data: Dataset, left_m: float) -> Iterator[str]:
 
 
 def far_from_drawing(declared: Robot, found: Robot) -> Iterator[str]:
-    """The length that is farthest from the robot file's, where no arm is so far off its drawing."""
+    """The length and the zero that are farthest from the robot file's, where no arm is so far off its
+    drawing. They are estimated, and right where the data are; the file may be another arm's."""
     lengths = [(abs(getattr(new, name) - getattr(old, name)), f"{name}_{i}", getattr(old, name))
                for i, (old, new) in enumerate(zip(declared.joints, found.joints), start=1) for name in "ad"]
     off, name, old = max(lengths)
     if off > FAR_FROM_DRAWING * found.reach:
         yield (f"{name} comes out {1e3 * off:.3g} mm from the {1e3 * old:.5g} mm of the robot file, more "
                "than an arm is off its drawing: is it the file of this arm, and its table right?")
+    zeros = [(new.q_offset - old.q_offset, i)
+             for i, (old, new) in enumerate(zip(declared.joints, found.joints), start=1)
+             if old.type == "revolute"]
+    turned, axis = max(zeros, key=lambda zero: abs(zero[0]), default=(0.0, 0))
+    if abs(turned) > FAR_ZERO_RAD:
+        yield (f"the zero of axis {axis} comes out {np.degrees(turned):+.3g} degrees from the robot file's "
+               f"(q_offset_{axis}), more than arms are mastered apart: is the file of another arm, or was "
+               "the axis mastered anew? It is estimated; the written file has it")

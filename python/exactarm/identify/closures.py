@@ -59,6 +59,7 @@ _TOOL_REACH_M = 0.3  # spread of the random starts of the tool point
 SLIPPED = 0.35  # square root of a weight: beyond some 7 standard deviations
 # times Schwarz' price: what is left of an arm's own error buys up to 1.6 times with one and the same tool
 _MOUNTED_ANEW = 3.0
+_MOST_GROWN = 2.0  # times the drawing's reach: diameters for radii make no arm so large
 _SHOWS_LENGTHS = 3  # rows under a tracker: two are its frame's, more are distances that it has measured
 _AS_ONE = ("d", "q_offset")  # of axis 1: they move the arm along and about it
 TOOL_RUNS_AWAY = (
@@ -154,8 +155,20 @@ def declare_closures(robot: Robot, data: Dataset, compliance: tuple[int, ...] | 
         if other[-1].log_likelihood - one[-1].log_likelihood > _MOUNTED_ANEW * price:
             one = other
     whole, layout, pulls, found, fit = one
+    require_size(robot, updated_robot(robot, data, fit), data)
     return DeclaredClosures(layout, pulls, found, nominal,
                             with_held_in_doubt(fit, whole, data, pulls, threads), fit.fit)
+
+
+def require_size(declared: Robot, found: Robot, data: Dataset) -> None:
+    """Raises InputError where the arm shrinks to nothing, which touches any contact, or grows beyond all
+    measure: the search began far from where the touches belong."""
+    share = found.reach / max(declared.reach, np.finfo(float).tiny)
+    if not 1.0 / _MOST_GROWN < share < _MOST_GROWN:
+        raise InputError(
+            f"the touches meet only if the arm is {share:.2g} times as large as {declared.name}: is it "
+            "another robot, has an axis another zero, or are contacts numbered otherwise?",
+            file=data.first_file)
 
 
 def nominal_closures(robot: Robot, data: Dataset, carried: Layout, seed: int = 0, threads: int = 1,
