@@ -12,14 +12,19 @@ from exactarm.chain import View
 from exactarm.data.kinds.base import moving_axes
 from exactarm.diagnose.fitted import Fitted
 from exactarm.effects.base import Effect
+from exactarm.numerics.places import places_of
 from exactarm.robot.robot import Robot
+
+# places of an axis that tell a wave: its order and two sizes, beside the zero and the ratio of the gear
+_LEAST_PLACES = 6
 
 
 def shown(effects: list[Effect], view: View) -> list[Effect]:
-    """Those of no axis, and those of axes that move; waves only where they do not fold back."""
+    """Those of no axis, and those of axes that move; waves only where they do not fold back, and where the
+    axis stands in more places than a wave has numbers."""
     span = np.ptp(view.theta, axis=0) / np.abs(view.robot.ratios)
     moves = moving_axes(view.robot, span)
-    waves = moves & ~view.folded
+    waves = moves & ~view.folded & (np.array([places_of(angle) for angle in view.theta.T]) >= _LEAST_PLACES)
     return [effect for effect in effects if effect.joint is None
             or (waves if effect.of_waves else moves)[effect.index]]
 

@@ -24,6 +24,7 @@ from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.problem_at_rest import ProblemAtRest
 from exactarm.diagnose.signal import Direction, axis_of, turn_of
 from exactarm.diagnose.worth import CHANCE_AGAINST
+from exactarm.effects.axis_units import slides
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.closure_fit import ClosureFit, Pulls, fit_closures
 from exactarm.identify.closure_scale import gravity_alone
@@ -224,7 +225,8 @@ class ClosureProblem(ProblemAtRest):
 
     def directions(self, fitted: Fitted) -> dict[Direction, np.ndarray]:
         prediction = fitted.prediction
-        turn = {turn_of(i + 1): turn_of_axis(prediction, i) for i in range(self.robot.axes)}
+        turn = {turn_of(i + 1, slides(self.robot, i + 1)): turn_of_axis(prediction, i)
+                for i in range(self.robot.axes)}
         axes = np.eye(fitted.residual.shape[1])
         pushed = {axis_of("base", name): prediction.used * axes[k] for k, name in enumerate("xyz")}
         return turn | pushed

@@ -123,8 +123,8 @@ def _contribution(fitted: Fitted, index: int, signals: dict, directions: dict, u
         fitted, moved, columns, directions[direction], unit, direction)
     if effect.orders():
         value, slopes = value - value.mean(), slopes - slopes.mean(axis=0)
-    residual_unit = "rad" if direction.turns else unit
-    if value_unit == residual_unit == "rad":
+    residual_unit = direction.unit_beside(unit)
+    if value_unit == residual_unit and (value_unit == "rad" or direction.slides):
         before = after + value  # as drawn: the residual with the effect, and the effect
     covariance = fitted.fit.covariance[where, where]
     high, low = int(np.argmax(value)), int(np.argmin(value))
@@ -273,7 +273,7 @@ def _at_measurement(fitted: Fitted, moved: np.ndarray, columns: np.ndarray, dire
     value = movement_along(fitted, moved, direction)
     slopes = np.stack([movement_along(fitted, columns[:, :, k], direction)
                        for k in range(columns.shape[2])], axis=1)
-    return value, slopes, "rad" if along.turns else unit
+    return value, slopes, along.unit_beside(unit)
 
 
 def _half(fitted: Fitted, slopes: np.ndarray, covariance: np.ndarray) -> np.ndarray:

@@ -35,7 +35,7 @@ def left_over(problem: Problem, fitted: Fitted, dossier: Dossier) -> LeftOver | 
             moved = movement_along(fitted, fitted.residual, directions[each.direction])
             rows = subsampled(signals[each.signal])
             rows = rows[fitted.weight[rows] > 0.0]
-            unit = "rad" if each.direction.turns else problem.unit
+            unit = each.direction.unit_beside(problem.unit)
             return LeftOver(each.signal, unit_of(each.signal), each.direction, unit,
                             signals[each.signal][rows], moved[rows])
     return None

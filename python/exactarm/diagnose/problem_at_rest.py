@@ -19,6 +19,7 @@ from exactarm.diagnose.smoothness import second_order
 from exactarm.identify.declared import require_geometry
 from exactarm.identify.repeats import worth_of_rows
 from exactarm.noise.wandering import SESSIONS_APART
+from exactarm.numerics.places import at_places
 from exactarm.robot.robot import Robot
 
 _SEARCH_POSES = 600  # enough to find every large cause in good time; the smallest may need more poses
@@ -81,7 +82,7 @@ class ProblemAtRest(Problem):
     def signals(self, fitted: Fitted) -> dict[Signal, np.ndarray]:
         view, data = fitted.view, self.data
         moves = self._moving(fitted)
-        signals = {place_of_axis(self.robot, i + 1): view.q[:, i] for i in np.flatnonzero(moves)}
+        signals = {place_of_axis(self.robot, i + 1): at_places(view.q[:, i]) for i in np.flatnonzero(moves)}
         signals |= {Signal(Quantity.LOAD, i + 1): view.torque[:, i] for i in range(view.axes)
                     if np.ptp(view.torque[:, i]) > 0}
         directions = view.direction

@@ -62,6 +62,11 @@ class Direction:
     axis: int | None = None
     turns: bool = False
     of_tracker: bool = False
+    slides: bool = False
+
+    def unit_beside(self, unit: str) -> str:
+        """Of a movement along it; `unit`: of what the problem measures."""
+        return ("m" if self.slides else "rad") if self.turns else unit
 
     def __str__(self) -> str:
         return self.words
@@ -70,8 +75,9 @@ class Direction:
 TRACKER = Direction("the device", of_tracker=True)
 
 
-def turn_of(joint: int) -> Direction:
-    return Direction(f"a turn of axis {joint}", joint, turns=True)
+def turn_of(joint: int, sliding: bool = False) -> Direction:
+    return Direction(f"a {'travel' if sliding else 'turn'} of axis {joint}", joint, turns=True,
+                     slides=sliding)
 
 
 def tilt_of(joint: int) -> Direction:
