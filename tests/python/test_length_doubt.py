@@ -8,6 +8,7 @@ import pytest
 from exactarm.chain import Layout
 from exactarm.commands import diagnose as command
 from exactarm.commands.calibrate import calibrate
+from exactarm.errors import InputError
 from exactarm.identify.closures import calibrate_closures, declare_closures, nominal_closures
 from exactarm.identify.length_doubt import length_doubts
 from exactarm.measurement.closures import touches
@@ -104,3 +105,16 @@ def test_known_radii_place_the_tool():
     assert len(spheres) >= 3 and all(known)
     found = [each.values[3] for each in spheres]
     np.testing.assert_allclose(found, [each.length for each in known], atol=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "contact"), [("panda", "socket"), ("ur10", "sphere"), ("panda", "plane")])
+def test_a_distance_in_another_unit_is_refused_before_the_arm_is_bent_for_it(name, contact):
+    """100 mm given in m, in inches, or another one by far; a fit to it takes minutes and says less."""
+    robot, data = touched(name, contact, 1, count=20)
+    for given, question in ((0.1e-3, "is it given in m?"), (3.937e-3, "is it given in inches?"),
+                            (254e-3, "is it another one, or of others?")):
+        wrong = tuple(replace(each, length=given) for each in data.fixture.distances)
+        with pytest.raises(InputError, match="with the arm as its file says the touches are ") as refused:
+            declare_closures(robot.nominal, replace(data, fixture=replace(data.fixture, distances=wrong)))
+        assert question in refused.value.message

@@ -27,7 +27,7 @@ from exactarm.identify.declared import carried_layout, frames_layout, geometry_l
 from exactarm.identify.drawing import Drawn
 from exactarm.identify.identifiability import Dropped, Identifiability, select_identifiable, still_axes
 from exactarm.identify.judged_rows import judged_rows, unjudged_lines
-from exactarm.identify.length_doubt import length_doubts
+from exactarm.identify.length_doubt import length_doubts, require_units
 from exactarm.identify.loads import kept_masses, with_loads
 from exactarm.identify.match import WORST_SHARE
 from exactarm.identify.partner_misfit import partner_misfit
@@ -130,6 +130,7 @@ def declare_closures(robot: Robot, data: Dataset, compliance: tuple[int, ...] | 
     require_geometry(robot)
     carried = carried_effects(robot, data) if carried is None else carried
     nominal = nominal_closures(robot, data, carried, seed, threads, sessions or sessions_of(data))
+    require_units(nominal, data)
     geometry = geometry_layout(robot)
     start = counted_anew(nominal.layout.at(nominal.layout.values))
     setup = with_open_partner(start.only(range(len(start.effects) - len(carried.effects))))

@@ -17,6 +17,7 @@ import numpy as np
 from exactarm.chain import Layout
 from exactarm.data.dataset import Dataset
 from exactarm.data.fixture import SIGMA_M, Fixture
+from exactarm.errors import InputError
 from exactarm.identify.closure_fit import ClosureFit, Pulls, fit_closures
 from exactarm.measurement.contacts import Bar
 from exactarm.measurement.known_lengths import known_lengths
@@ -28,7 +29,10 @@ _DOUBTED = 8.0
 _DOUBTED_BESIDE = 5.0  # of noise alone, one right length in two million
 _ANY_GAP_M = 1.0
 _AS_GOOD = 0.8  # of the doubt of the one doubted most, from which another may be the wrong one
-_TWICE = 0.1  # share by which a factor of two may be missed
+_TWICE = 0.1  # share by which a factor of two, or of a unit, may be missed
+_ANOTHER = 2.0  # times, and so many times what the arm misses the touches by: no drawing is so far off
+_BEYOND = 10.0
+_UNITS = {"m": 1000.0, "cm": 10.0, "inches": 25.4, "feet": 304.8, "micrometres": 1e-3}  # of each in mm
 
 
 def length_doubts(fit: ClosureFit, data: Dataset, pulls: Pulls, threads: int = 1) -> tuple[str, ...]:
@@ -69,6 +73,23 @@ def length_doubts(fit: ClosureFit, data: Dataset, pulls: Pulls, threads: int = 1
                 lines[sort] = (_line(sort, words, known - off[k], deviation[k], known)
                                + _beside(same, by_others))
     return tuple(lines.values())
+
+
+def require_units(nominal: ClosureFit, data: Dataset) -> None:
+    """Raises InputError where a known distance is another one by far, already with the arm as declared: a fit
+    would bend the arm for it."""
+    missed = float(np.sqrt(np.mean(nominal.prediction.error() ** 2)))
+    for each in known_lengths(nominal.layout, data.fixture):
+        said, unsure = each.known - each.residual, np.sqrt(each.row @ nominal.fit.covariance @ each.row)
+        times = said / max(each.known, 1e-12)
+        if (each.is_distance and not 1.0 / _ANOTHER < times < _ANOTHER
+                and abs(each.residual) > _BEYOND * np.hypot(missed, unsure)):
+            unit = next((f"; is it given in {name}?" for name, size in _UNITS.items()
+                         if abs(times / size - 1.0) < _TWICE), "")
+            raise InputError(
+                f"{each.name}: with the arm as its file says the touches are {1e3 * said:.4g} mm apart, the "
+                f"fixture file says {1e3 * each.known:.4g} mm{unit or ': is it another one, or of others?'}",
+                file=data.first_file)
 
 
 def _line(sort: str, words: str, said: float, sd: float, known: float) -> str:
