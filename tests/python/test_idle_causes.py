@@ -23,13 +23,20 @@ OF_A_SHARE = RelativeCompliance.none_of(load_robot("ur10"), 1).with_values((0.0,
 DECLARED = Layout.of(())
 
 
-def fitted(effects, residual=0.0):
-    """A fit whose bound holds the base at zero."""
+def fitted(effects, residual=0.0, without_bound=0.0):
+    """A fit whose bounds hold the base, and a spring beside its share at the flange, at zero; without_bound:
+    where the fit would have the latter, in rad/Nm, known to 1e-5."""
     layout = Layout.of(tuple(effects))
-    held = np.concatenate([np.full(int(free.sum()), effect is BASE)
-                           for effect, free in zip(layout.effects, layout.free)] or [np.zeros(0, bool)])
+    held = [np.full(int(free.sum()), effect is BASE) for effect, free in zip(layout.effects, layout.free)]
+    held = np.concatenate(held or [np.zeros(0)]).astype(bool)
+    values = layout.values
+    unbounded = np.stack([values, np.full(held.size, 3e-5)])
+    for effect, where in zip(layout.effects, layout.slices):
+        if effect is OF_A_SHARE:
+            held[where.start], unbounded[:, where.start] = True, (without_bound, 1e-5)
+    bounds = np.stack([np.where(held, 0.0, -np.inf), np.full(held.size, np.inf)])
     return SimpleNamespace(layout=layout, residual=np.full((5, 3), residual), robot=load_robot("ur10"),
-                           fit=SimpleNamespace(at_bound=held.astype(bool),
+                           fit=SimpleNamespace(x=values, at_bound=held, bounds=bounds, unbounded=unbounded,
                                                covariance=1e-9 * np.eye(held.size)))
 
 
@@ -37,7 +44,14 @@ def fitted(effects, residual=0.0):
                          [([BASE, RUN_OUT], [0]), ([RUN_OUT, BASE], [1]), ([RUN_OUT], []),
                           ([OF_A_SHARE, RUN_OUT], [0])])
 def test_what_a_bound_holds_at_zero_or_no_arm_can_have_is_idle(effects, idle):
-    assert idle_places(fitted(effects), DECLARED) == idle
+    assert idle_places(fitted(effects, without_bound=-2e-5), DECLARED) == idle
+
+
+@pytest.mark.parametrize(("without_bound", "idle"), [(-1.7e-5, [0]), (-1.6e-5, []), (-1e-6, [])])
+def test_a_spring_at_its_bound_stays_where_the_data_do_not_exclude_that_it_gives_way(without_bound, idle):
+    """1.64 standard deviations. Under a generic load the weight at the flange may do nearly all that is seen:
+    poses of an ABB IRB 120 had -6.2 +- 37 urad/Nm beside 510 at the flange, and lost their main cause."""
+    assert idle_places(fitted([OF_A_SHARE, RUN_OUT], without_bound=without_bound), DECLARED) == idle
 
 
 def test_the_effect_that_a_fit_tells_least_from_zero_goes_alone():
