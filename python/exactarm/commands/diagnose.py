@@ -285,7 +285,7 @@ def _noise(causes: Causes) -> dict[str, Any]:
 def _unknown(result: Diagnosis) -> dict[str, Any]:
     place, causes = result.selection.open_place, result.causes
     rms = result.after["validation" if result.after["validation"].n else "identification"].rms
-    told = (_another(result) if result.preferred else
+    told = (_another(result) if result.by_rival else
             _structure(result) if place is None or causes is None else _one_of_many(result, causes, place))
     return {"effect": UNKNOWN, "joint": None, "parameters": {}, "validation_rms_before": rms,
             "validation_rms_after": rms, "compensable": False} | told

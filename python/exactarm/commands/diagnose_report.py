@@ -105,12 +105,10 @@ def verdict_of(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contr
             text += f" These data cannot tell {own.title} from {more}{rival}."
     if result.held_out_gain < AGAINST:
         text += spoken_against(len(found))
-    elif result.preferred:
-        text += result.preferred
-    elif result.verdict == UNEXPLAINED:
+    elif result.verdict == UNEXPLAINED and not result.by_rival:
         text += (" Something is left that no known cause explains: "
                  f"{remains(result.dossier_after, result.excess, result.unknown)}.")
-    return text
+    return text + result.preferred
 
 
 def _sections(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contribution | None]],
@@ -225,7 +223,7 @@ def _next(robot: Robot, result: Diagnosis, found: list[tuple[Finding, Contributi
     if result.verdict == UNEXPLAINED and loaded and not springs:
         lines.append("`exactarm calibrate` estimates springs beside the geometry; few touches hardly tell "
                      "which of them comes first: diagnose with the `robot.toml` that it writes.")
-    if result.verdict == UNEXPLAINED and result.converged and not result.preferred:
+    if result.verdict == UNEXPLAINED and result.converged and not result.by_rival:
         lines.append(measure_more(result))
     if result.drafts:
         one = len(result.drafts) == 1

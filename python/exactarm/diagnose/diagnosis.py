@@ -13,7 +13,13 @@ import numpy as np
 from exactarm.chain import Layout
 from exactarm.data.dataset import Dataset
 from exactarm.data.split import DEFAULT_SEED
-from exactarm.diagnose.alternatives import Alternative, alternatives_of, preferred_elsewhere
+from exactarm.diagnose.alternatives import (
+    Alternative,
+    alternatives_of,
+    in_words,
+    left_by,
+    preferred_elsewhere,
+)
 from exactarm.diagnose.confusion import next_experiments
 from exactarm.diagnose.contribution import Contribution, contributions
 from exactarm.diagnose.decisions import NAMED_AT
@@ -127,7 +133,8 @@ class Diagnosis:
     excluded_places: tuple[str, ...] = ()  # of these rows, in words
     excluded_elsewhere: tuple[str, ...] = ()  # of those among the validation rows
     excluded_more: bool = False  # of the validation rows, than chance makes of wrong ones
-    preferred: str = ""  # of a rival for which rows that were not fitted speak, where nothing else is left
+    preferred: str = ""  # of a rival for which rows that were not fitted speak
+    by_rival: bool = False  # whether nothing else than that is left
     undecided: tuple[str, ...] = ()  # validation rows of which nothing says whether a step lies before them
     left_over: LeftOver | None = None
     # of series, beside a model to which nothing else objects; of poses that no posterior of all causes judged
@@ -188,7 +195,10 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
                               own[place] if own else None, judged.sure[place])
                      for place, accepted in enumerate(selection.accepted))
     alternatives = alternatives_of(problem, declared, selection, errors[-1])
-    preferred = preferred_elsewhere(alternatives, [finding.effect for finding in findings])
+    rival = preferred_elsewhere(alternatives)
+    preferred = in_words(rival, [finding.effect for finding in findings])
+    findings = tuple(replace(f, probability=left_by(rival, f.effect.label, f.probability, alternatives))
+                     for f in findings)
     progress(NEXT)
     words, experiments = next_experiments(problem, last, findings, alternatives, selection.open_place)
     spread = problem.spread(last)
@@ -245,7 +255,7 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
         sentence=no_verdict(unconverged) if unconverged else sentence_of(
             of_what_is_left, findings, alternatives, before, told, left, excess, unknown, gain, undecided,
             withdrawn, dropped[::-1], bool(beyond and beyond.faint), problem.error_along) + preferred,
-        preferred="" if of_what_is_left == UNEXPLAINED else preferred,
+        preferred=preferred, by_rival=bool(preferred) and of_what_is_left != UNEXPLAINED,
         dropped=dropped,
         causes=causes, unconverged=unconverged, drafts=drafts, unknown=unknown, excess=excess,
         held_out_gain=gain, next_experiment=words, experiments=experiments, dossier_before=had,
