@@ -156,16 +156,18 @@ def test_what_another_axis_drives_is_drawn_over_that_axis():
 
 
 def test_the_size_of_a_cause_is_a_number_that_is_not_zero_within_its_interval():
-    def told(*intervals):
+    def told(*intervals, by=""):
         parameters = [SimpleNamespace(name=f"m_{k}_kg", fixed=False) for k in range(1, len(intervals) + 1)]
         effect = SimpleNamespace(orders=lambda: (), parameters=lambda: parameters,
                                  values=[0.5 * sum(interval) for interval in intervals],
-                                 in_units_of=lambda robot, name: name, told_by="")
+                                 in_units_of=lambda robot, name: name, told_by=by)
         measure, size = _size(SimpleNamespace(effect=effect, derived={}, intervals=intervals), None, None)
         return measure, size.low, size.high
 
     assert told((-1.5, 1.5), (0.8, 1.2)) == ("m 2", 0.8, 1.2)
-    assert told((-1.5, 1.5), (-0.2, 0.4)) == ("m 1", -1.5, 1.5)
+    assert told((-1.5, 1.5), (-0.2, 0.4)) == ("m 2", -0.2, 0.4)
+    assert told((0.1, 0.3), (0.8, 1.2), by="m_1_kg") == ("m 1", 0.1, 0.3)
+    assert told((0.0, 0.3), (0.8, 1.2), by="m_1_kg") == ("m 2", 0.8, 1.2)  # a spring loaded at the tip
 
 
 @pytest.mark.parametrize("name, words", [

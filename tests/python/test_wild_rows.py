@@ -1,13 +1,15 @@
 """Single readings that belong to no path, and what is none of them."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import exactarm as ea
 from exactarm.data.split import DEFAULT_SEED
-from exactarm.identify.wild_rows import single_wild_rows, wild_elsewhere_line
+from exactarm.diagnose.noise import noise_floor
+from exactarm.identify.wild_rows import single_wild, single_wild_rows, wild_elsewhere_line
 
 ROWS = np.arange(1000)
 
@@ -69,3 +71,24 @@ def test_a_gross_validation_row_is_no_noise_and_no_lack_of_poses():
     text = " ".join(ea.diagnose("ur10", wrong).summary().split())
     assert "Look first at what the warning names" in text and "times as large as on the fitted" not in text
     assert "are noise is what the fit says" not in text
+
+
+def test_a_single_wild_row_is_no_noise_of_the_others():
+    """One row of 80 twenty times as far off: the floor is that of the others, and says so."""
+    random = np.random.default_rng(0)
+    residual = 1e-4 * random.normal(size=(80, 3))
+    residual[7] *= 20.0
+    alone = np.delete(residual, 7, axis=0)
+    rms = lambda rows: float(np.sqrt(np.mean(np.sum(rows**2, axis=1))))
+    problem = SimpleNamespace(kind="poses", error_of_unit_noise=lambda fitted: rms(fitted.residual),
+                              repeat_noise=lambda fitted: None, reading_noise=lambda fitted: None,
+                              data=SimpleNamespace(session=np.ones(80)))
+    fitted = SimpleNamespace(residual=residual, sigma=np.ones(3), weight=np.ones(80), noise=None,
+                             view=SimpleNamespace(q=random.uniform(-1.0, 1.0, (80, 6))))
+    floor = noise_floor(problem, fitted)
+    assert floor.value == pytest.approx(rms(alone)) and not floor.measured
+    assert floor.source.endswith("(an upper bound); without 1 row far beside the others")
+    error = np.linalg.norm(residual, axis=1)
+    line = wild_elsewhere_line(error, lambda row: f"row {row + 1}", which="fitted rows")
+    assert line.startswith("row 8 misses by ") and "median of the 80 fitted rows" in line
+    assert np.flatnonzero(single_wild(error)).tolist() == [7] and not single_wild(error[:20]).any()

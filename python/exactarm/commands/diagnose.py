@@ -26,7 +26,7 @@ from exactarm.commands.design_for import experiment_json
 from exactarm.commands.diagnose_report import report_of
 from exactarm.commands.effect_sections import rows_left_out
 from exactarm.commands.load_section import with_load_section, with_payload_section
-from exactarm.commands.measure_more import wild_elsewhere
+from exactarm.commands.measure_more import wild_among_fitted, wild_elsewhere
 from exactarm.commands.memory import within_memory
 from exactarm.commands.outcome import recorded
 from exactarm.commands.output import PICTURES, ROBOT_FILES
@@ -107,7 +107,8 @@ def diagnose(robot: AnyRobot, data: AnyData, *, seed: int = DEFAULT_SEED, thread
         known = result.robot
         results.append(result)
     lines = (line for each in results for line in (
-        _mounted_otherwise(each), _doubted(each), _objected(each), wild_elsewhere(each)))
+        _mounted_otherwise(each), _doubted(each), _objected(each), wild_elsewhere(each),
+        wild_among_fitted(each)))
     warnings += dict.fromkeys(line for line in lines if line is not None)
     first = results[0]
     also: dict[str, Any] = {"also": [_json(other) for other in results[1:]]} if len(results) > 1 else {}

@@ -190,8 +190,9 @@ def _probability(member: Any) -> float:
 
 
 def _size(finding: Finding, contribution: Contribution | None, robot: Robot) -> tuple[str, Cell]:
-    """What is told of the effect's size: peak to peak of a curve, the number that the effect names, else its
-    first one whose interval does not hold zero, or the largest of these in the same unit."""
+    """What is told of the effect's size: peak to peak of a curve, the number that the effect names, unless
+    its interval holds zero and another's does not; else the first of these, or the largest in its unit. Where
+    all hold it, the one that is told best."""
     effect = finding.effect
     if effect.orders() and contribution is not None:
         value, half = contribution.peak_to_peak
@@ -206,7 +207,8 @@ def _size(finding: Finding, contribution: Contribution | None, robot: Robot) -> 
         return words_of(name), Estimate(*numbers, unit_of(name))
     if not free:
         return "", None
-    clear = told or clear or free[:1]
+    surest = max(free, key=lambda one: abs(one[1]) / max(one[2][1] - one[2][0], np.finfo(float).tiny))
+    clear = [one for one in told if certain(one)] or clear or told or [surest]
     alike = [one for one in clear if unit_of(one[0].name) == unit_of(clear[0][0].name)]
     parameter, value, (low, high) = max(alike, key=lambda one: abs(one[1]))
     name = effect.in_units_of(robot, parameter.name)

@@ -99,6 +99,14 @@ def wild_elsewhere(result: Diagnosis) -> str | None:
     return wild_elsewhere_line(result.errors_after["validation"], result.problem.held_out.place_of, spread)
 
 
+def wild_among_fitted(result: Diagnosis) -> str | None:
+    """One line, where single fitted poses miss by far more than the others, and count for little."""
+    if not kind_of(result.kind).at_rest or result.unit != "m":
+        return None
+    return wild_elsewhere_line(result.errors_after["identification"], result.problem.data.place_of,
+                               which="fitted rows")
+
+
 def worse_elsewhere(result: Diagnosis) -> str | None:
     """One sentence for a diagnosis that finds nothing, whose rows that were not fitted err more than the
     others do, beyond chance (F-test, of one number a row: neighbours may share their errors)."""

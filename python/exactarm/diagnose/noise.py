@@ -17,6 +17,7 @@ from exactarm.data.kinds import kind_of
 from exactarm.diagnose.decisions import FEW, ROUNDING, SURE
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.problem import Problem
+from exactarm.identify.wild_rows import single_wild
 
 _CLOSE_RAD = 0.02
 _LEAST_PAIRS = 20
@@ -50,6 +51,10 @@ def noise_floor(problem: Problem, final: Fitted) -> NoiseFloor:
     readings = problem.reading_noise(final) if kind_of(problem.kind).target_at_rest else None
     beside = (f"; readings without a move between them scatter by {1e6 * readings * unit:.3g} µm"
               if readings is not None else "")
+    error = np.linalg.norm(final.residual[final.weight > 0.0, :3], axis=1)
+    if kind_of(problem.kind).target_at_rest and (wild := single_wild(error)).any():
+        unit *= float(np.sqrt(np.mean(error[~wild] ** 2) / np.mean(error**2)))
+        beside = f"; without {wild.sum()} row{'s' * int(wild.sum() > 1)} far beside the others{beside}"
     return NoiseFloor(unit, f"scatter that the final model leaves (an upper bound){beside}", False)
 
 

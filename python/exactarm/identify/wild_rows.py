@@ -40,11 +40,18 @@ def wild_rows_line(error: np.ndarray, wild: np.ndarray) -> str:
             "all were fitted with Huber's loss, which gives such rows less weight")
 
 
+def single_wild(error: np.ndarray) -> np.ndarray:
+    """(N,) bool of finite errors (N,): wild rows, where they are few of all."""
+    wild = wild_rows(error) & (error > _SEEN_M)
+    return wild if wild.mean() <= MOST_SINGLE else np.zeros(error.size, bool)
+
+
 def wild_elsewhere_line(error: np.ndarray, place_of: Callable[[int], str],
-                        spread: np.ndarray | float = 0.0) -> str | None:
-    """What a result says of wild rows among errors (N,) in m of rows that were not fitted, which no fit sets
-    apart; NaN: left out. place_of: row to words; spread (N,): of each error, m, by what the fit does not
-    know: a right row far from those that were fitted may err more than they."""
+                        spread: np.ndarray | float = 0.0, which: str = "rows that were not fitted"
+                        ) -> str | None:
+    """What a result says of wild rows among errors (N,) in m of the rows `which`, which no fit sets apart;
+    NaN: left out. place_of: row to words; spread (N,): of each error, m, by what the fit does not know: a
+    right row far from those that were fitted may err more than they."""
     known = np.flatnonzero(np.isfinite(error))
     wild = wild_rows(error[known]) & (error[known] > _SEEN_M)
     wild &= error[known] > WILD * np.broadcast_to(spread, error.shape)[known]
@@ -54,7 +61,7 @@ def wild_elsewhere_line(error: np.ndarray, place_of: Callable[[int], str],
     places = ", ".join([place_of(int(row)) for row in worst[:_NAMED]] + ["..."] * int(wild.sum() > _NAMED))
     miss, what = ("miss by up to", "wrong readings") if wild.sum() > 1 else ("misses by", "a wrong reading")
     return (f"{places} {miss} {1e3 * error[worst[0]]:.3g} mm, more than {WILD:g} times the median of the "
-            f"{known.size} rows that were not fitted; the others miss by "
+            f"{known.size} {which}; the others miss by "
             f"{1e3 * np.sqrt(np.mean(others**2)):.3g} mm (RMS): {what}?")
 
 
