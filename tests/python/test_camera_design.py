@@ -1,6 +1,7 @@
 """Designed pictures of a board: what is seen in them, what they tell beside random ones, words and files."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -76,6 +77,8 @@ def test_the_command_proposes_places_and_poses(tmp_path):
     assert main([*words, "--out", str(tmp_path / "out")]) == 0
     made = json.loads((tmp_path / "out" / "result.json").read_text())
     assert made["deviation_m"]["design"] < made["deviation_m"]["random_poses"]
+    page = re.sub("<[^>]+>", "", (tmp_path / "out" / "report.html").read_text())
+    assert f"TOUCHED.csv --fixture {tmp_path / 'fixture.toml'} --out DIR" in page
     place = made["places"][0]["board"]
     middle = np.array(place["position_m"]) + np.array(place["rotation"]) @ [0.1125, 0.0875, 0.0]
     np.testing.assert_allclose(middle, [0.7, 0.0, 0.0], atol=1e-9)

@@ -160,7 +160,8 @@ def _design(run: _Run) -> Sequence[str]:
                 f"`exactarm diagnose {run.robot} FIRST.csv MEASURED.csv --out DIR`, with the first file as "
                 "below.",)
     if "deviation_m" in run.result.json:  # without a tracker
-        fixture = " --fixture fixture.toml" if "fixture.toml" in run.result.texts else ""
+        given = ["fixture.toml"] if "fixture.toml" in run.result.texts else map(str, run.result.inputs)
+        fixture = "".join(f" --fixture {shlex.quote(each)}" for each in given)
         return ("Drive to the poses of `poses.csv`, write what is touched or read there beside the joint "
                 f"angles, and run `exactarm calibrate {run.robot} TOUCHED.csv{fixture} --out DIR`.",)
     return (
