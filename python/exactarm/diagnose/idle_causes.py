@@ -8,7 +8,6 @@ from scipy import special
 from exactarm.chain import Layout
 from exactarm.diagnose.decisions import CREDIBLE
 from exactarm.diagnose.fitted import Fitted
-from exactarm.effects.base import Effect
 from exactarm.numerics.regression import Fit
 
 _ONE_SIDE = float(special.ndtri(CREDIBLE))  # standard deviations
@@ -16,24 +15,19 @@ _ONE_SIDE = float(special.ndtri(CREDIBLE))  # standard deviations
 
 def idle_places(fitted: Fitted, declared: Layout) -> list[int]:
     """Places, behind the declared ones, of effects that their bounds hold at zero, or no arm can have."""
-    layout, spread = fitted.layout, np.sqrt(np.diag(fitted.fit.covariance))
+    layout, spread = fitted.layout, _spread(fitted.fit)
     each = list(zip(layout.effects, layout.free, layout.slices))[len(declared.effects) :]
     held = lambda values, where: fitted.fit.at_bound[where].all() and not np.any(values)
-    can_be = lambda one, free, where: any(
-        each.possible(fitted.robot, spread[where]) for each in (one, _credible(one, free, fitted.fit, where)))
     return [k for k, (one, free, where) in enumerate(each) if free.any() and (
-        held(np.array(one.values)[free], where) or not can_be(one, free, where))]
+        held(np.array(one.values)[free], where) or not one.possible(fitted.robot, spread[where]))]
 
 
-def _credible(effect: Effect, free: np.ndarray, fit: Fit, where: slice) -> Effect:
-    """With what its bounds hold moved inside them as far as the data do not exclude it: a spring that the fit
-    has at zero may give way by as much as its unbounded estimate is unsure."""
-    centre, sigma = fit.unbounded[:, where]
-    inward = np.where(fit.x[where] > centre, _ONE_SIDE, -_ONE_SIDE) * sigma
-    values = np.array(effect.values)
-    values[free] = np.where(fit.at_bound[where], np.clip(centre + inward, *fit.bounds[:, where]),
-                            values[free])
-    return effect.with_values(values)
+def _spread(fit: Fit) -> np.ndarray:
+    """(P,) standard deviations; of what a bound holds, how far inside of it the data leave it (95 %, one
+    side)."""
+    centre, sigma = fit.unbounded
+    inside = np.maximum(_ONE_SIDE * sigma - np.abs(centre - fit.x), 0.0)
+    return np.where(fit.at_bound, inside, np.sqrt(np.diag(fit.covariance)))
 
 
 def least_told(fitted: Fitted, declared: Layout) -> list[int]:

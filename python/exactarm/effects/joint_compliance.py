@@ -163,8 +163,9 @@ class RelativeCompliance(JointCompliance):
         return super().per_guessed_load(view) * (not self.own_free)
 
     def possible(self, robot, deviation) -> bool:
-        """Where the arm's own weight bends nothing, no share of it does."""
-        gives_way = self.beside_spring or self.values[0] > 0.0 or not any(self.values)
+        """Where the arm's own weight bends nothing, no share of it does: at its bound, unless the data leave
+        it inside."""
+        gives_way = self.beside_spring or self.values[0] + deviation[0] > 0.0 or not any(self.values)
         return gives_way and super().possible(robot, deviation)
 
     def drawn_wider(self, scale: float) -> Effect:
