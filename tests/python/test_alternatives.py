@@ -1,6 +1,7 @@
 """Rivals of what was found: rows that were not fitted may speak for one of them."""
 
 
+import numpy as np
 import pytest
 
 from exactarm.diagnose.alternatives import Alternative, in_words, left_by, preferred_elsewhere
@@ -27,9 +28,8 @@ def test_another_form_of_the_same_cause_is_no_rival():
     assert preferred_elsewhere([rival(50.0, FOUND)]) is None and in_words(None, [FOUND]) == ""
 
 
-def test_they_leave_the_effect_found_what_chance_makes_of_such_a_density():
-    """Two rivals, 16.5 nats for one of them: 2 exp(-16.5) = 1.4e-7."""
-    rivals = [rival(16.5), rival(-2.0)]
-    spoken = preferred_elsewhere(rivals)
-    assert left_by(spoken, FOUND.label, 0.9999, rivals) == pytest.approx(1.365e-7, rel=0.01)
-    assert left_by(spoken, "another", 0.9999, rivals) == left_by(None, FOUND.label, 0.9999, rivals) == 0.9999
+def test_they_take_from_the_odds_against_the_rival_what_they_give_it():
+    """A rival of 0.1 beside 0.9 by the fitted rows, and 4 nats by the others: 0.9 / (0.9 + 0.1 exp(4))."""
+    spoken = preferred_elsewhere([rival(4.0), rival(-2.0)])
+    assert left_by(spoken, FOUND.label, 0.9) == pytest.approx(0.9 / (0.9 + 0.1 * np.exp(4.0)))
+    assert left_by(spoken, "another", 0.9) == left_by(None, FOUND.label, 0.9) == 0.9

@@ -9,7 +9,7 @@ import numpy as np
 
 from exactarm.data.kinds import kind_of
 from exactarm.diagnose.contribution import Contribution
-from exactarm.diagnose.decisions import CREDIBLE, NAMED_AT
+from exactarm.diagnose.decisions import CREDIBLE, NAMED_AT, ROUNDING
 from exactarm.diagnose.diagnosis import Diagnosis, Finding
 from exactarm.effects.axis_units import slides
 from exactarm.effects.base import Effect
@@ -207,7 +207,9 @@ def _size(finding: Finding, contribution: Contribution | None, robot: Robot) -> 
         return words_of(name), Estimate(*numbers, unit_of(name))
     if not free:
         return "", None
-    surest = max(free, key=lambda one: abs(one[1]) / max(one[2][1] - one[2][0], np.finfo(float).tiny))
+    # in halves of its interval; a number without one is as sure as a number can be
+    told_by = lambda one: abs(one[1]) / max(one[2][1] - one[2][0], ROUNDING * abs(one[1]), 1e-300)
+    surest = max(free, key=told_by)
     clear = [one for one in told if certain(one)] or clear or told or [surest]
     alike = [one for one in clear if unit_of(one[0].name) == unit_of(clear[0][0].name)]
     parameter, value, (low, high) = max(alike, key=lambda one: abs(one[1]))

@@ -3,8 +3,8 @@
 Rows that were not fitted may object: were the chosen model right, the density with any of K rivals would
 reach 20 K times its own on them with a probability of at most 1 / 20 (Markov's inequality, as in
 held_out_evidence.py). From there on these rows speak for the rival; they choose nothing, so it does not take
-the place, and nothing is explained. They leave the effect found the probability K / exp(gain) at most: two
-halves of measured poses gave each of two exclusive causes more than 0.999 otherwise.
+the place, and nothing is explained. But the odds of the effect found against that rival fall by as much:
+two splits of measured poses gave each of two exclusive causes more than 0.999 otherwise.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from exactarm.effects.base import Effect
 
 # the strongest is fitted, however improbable; of many parameters, it alone
 _RIVALS_EACH, _RIVALS = 2, 5
+_MOST = 500.0  # nats: beyond, numbers overflow
 
 
 @dataclass(frozen=True)
@@ -80,9 +81,8 @@ def in_words(preferred: Alternative | None, found: Sequence[Effect]) -> str:
             "other data have to say which of them acts.")
 
 
-def left_by(preferred: Alternative | None, label: str, probability: float,
-            alternatives: Sequence[Alternative]) -> float:
-    """What the rival leaves of the probability of a finding."""
+def left_by(preferred: Alternative | None, label: str, probability: float) -> float:
+    """What the rival leaves of the probability of a finding, by all rows."""
     if preferred is None or preferred.instead_of != label:
         return probability
-    return min(probability, len(alternatives) * float(np.exp(-preferred.gain)))
+    return float(probability / (1.0 + preferred.probability * np.expm1(min(preferred.gain, _MOST))))

@@ -197,7 +197,7 @@ def diagnose(robot: Robot, data: Dataset, *, seed: int = DEFAULT_SEED, threads: 
     alternatives = alternatives_of(problem, declared, selection, errors[-1])
     rival = preferred_elsewhere(alternatives)
     preferred = in_words(rival, [finding.effect for finding in findings])
-    findings = tuple(replace(f, probability=left_by(rival, f.effect.label, f.probability, alternatives))
+    findings = tuple(replace(f, probability=left_by(rival, f.effect.label, f.probability))
                      for f in findings)
     progress(NEXT)
     words, experiments = next_experiments(problem, last, findings, alternatives, selection.open_place)
