@@ -17,6 +17,7 @@ from exactarm.identify.calibration_doubts import (
     contradicting,
     far_from_drawing,
 )
+from exactarm.identify.closures import calibrate_closures
 from exactarm.robot_file import load_robot
 from test_closures import touched
 
@@ -97,6 +98,17 @@ def test_how_far_a_zero_may_be_off(ur10, share, count):
     joints[3] = replace(joints[3], q_offset=joints[3].q_offset + share * FAR_ZERO_RAD)
     lines = list(far_from_drawing(robot, replace(robot, joints=tuple(joints))))
     assert len(lines) == count and all(line.startswith("the zero of axis 4 comes out") for line in lines)
+
+@pytest.mark.slow
+def test_zeros_of_the_shipped_arms_are_less_than_half_as_far_off():
+    """What the limit rests on: 1.41 degrees at most, of five arms with a ball in two seats."""
+    folder, off = data_path("ball_in_socket"), []
+    for name in ("panda_3", "panda_6", "panda_7", "dinova_1", "dinova_2"):
+        robot = load_robot("panda" if "panda" in name else "gen3lite")
+        data = ea.read(folder / f"{name}.csv", robot, fixture=folder / "fixture.toml")
+        found = calibrate_closures(robot, data)
+        off += [new.q_offset - old.q_offset for old, new in zip(robot.joints, found.robot.joints)]
+    assert 0.024 < np.max(np.abs(off)) < 0.5 * FAR_ZERO_RAD
 
 
 def two_arms():

@@ -49,8 +49,8 @@ def test_what_a_bound_holds_at_zero_or_no_arm_can_have_is_idle(effects, idle):
 
 @pytest.mark.parametrize(("without_bound", "idle"), [(-1.7e-5, [0]), (-1.6e-5, []), (-1e-6, [])])
 def test_a_spring_at_its_bound_stays_where_the_data_do_not_exclude_that_it_gives_way(without_bound, idle):
-    """1.64 standard deviations. Under a generic load the weight at the flange may do nearly all that is seen:
-    poses of an ABB IRB 120 had -6.2 +- 37 urad/Nm beside 510 at the flange, and lost their main cause."""
+    """1.64 standard deviations. Under a generic load the weight at the flange may do nearly all that is
+    seen."""
     assert idle_places(fitted([OF_A_SHARE, RUN_OUT], without_bound=without_bound), DECLARED) == idle
 
 

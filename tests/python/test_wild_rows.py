@@ -74,10 +74,10 @@ def test_a_gross_validation_row_is_no_noise_and_no_lack_of_poses():
 
 
 def test_a_single_wild_row_is_no_noise_of_the_others():
-    """One row of 80 twenty times as far off: the floor is that of the others, and says so."""
-    random = np.random.default_rng(0)
+    """One row of 80 some twenty times as far off: the floor is that of the others, and says so."""
+    random = np.random.default_rng(0)  # seeds 0 to 7 give the same
     residual = 1e-4 * random.normal(size=(80, 3))
-    residual[7] *= 20.0
+    residual[7] = 4e-3, 0.0, 0.0
     alone = np.delete(residual, 7, axis=0)
     rms = lambda rows: float(np.sqrt(np.mean(np.sum(rows**2, axis=1))))
     problem = SimpleNamespace(kind="poses", error_of_unit_noise=lambda fitted: rms(fitted.residual),

@@ -207,9 +207,9 @@ def _size(finding: Finding, contribution: Contribution | None, robot: Robot) -> 
         return words_of(name), Estimate(*numbers, unit_of(name))
     if not free:
         return "", None
-    # in halves of its interval; a number without one is as sure as a number can be
-    told_by = lambda one: abs(one[1]) / max(one[2][1] - one[2][0], ROUNDING * abs(one[1]), 1e-300)
-    surest = max(free, key=told_by)
+    # how many times its interval it is; without one it is as sure as a number can be
+    times = lambda one: abs(one[1]) / max(one[2][1] - one[2][0], ROUNDING * abs(one[1]), 1e-300)
+    surest = max(free, key=times)
     clear = [one for one in told if certain(one)] or clear or told or [surest]
     alike = [one for one in clear if unit_of(one[0].name) == unit_of(clear[0][0].name)]
     parameter, value, (low, high) = max(alike, key=lambda one: abs(one[1]))

@@ -3,8 +3,7 @@
 Rows that were not fitted may object: were the chosen model right, the density with any of K rivals would
 reach 20 K times its own on them with a probability of at most 1 / 20 (Markov's inequality, as in
 held_out_evidence.py). From there on these rows speak for the rival; they choose nothing, so it does not take
-the place, and nothing is explained. But the odds of the effect found against that rival fall by as much:
-two splits of measured poses gave each of two exclusive causes more than 0.999 otherwise.
+the place, and nothing is explained. But the odds of the effect found against that rival fall by as much.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ import numpy as np
 
 from exactarm.chain import Layout
 from exactarm.diagnose.decisions import DOUBT, MANY_PARAMETERS, REMOTE
-from exactarm.diagnose.held_out_evidence import AGAINST, held_out_gains
+from exactarm.diagnose.held_out_evidence import AGAINST, MOST_NATS, held_out_gains
 from exactarm.diagnose.joint_fit import refit
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.selected import Selection
@@ -26,7 +25,6 @@ from exactarm.effects.base import Effect
 
 # the strongest is fitted, however improbable; of many parameters, it alone
 _RIVALS_EACH, _RIVALS = 2, 5
-_MOST = 500.0  # nats: beyond, numbers overflow
 
 
 @dataclass(frozen=True)
@@ -85,4 +83,4 @@ def left_by(preferred: Alternative | None, label: str, probability: float) -> fl
     """What the rival leaves of the probability of a finding, by all rows."""
     if preferred is None or preferred.instead_of != label:
         return probability
-    return float(probability / (1.0 + preferred.probability * np.expm1(min(preferred.gain, _MOST))))
+    return float(probability / (1.0 + preferred.probability * np.expm1(min(preferred.gain, MOST_NATS))))

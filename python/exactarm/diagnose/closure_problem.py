@@ -22,9 +22,8 @@ from exactarm.data.kinds import CLOSURES, POSES
 from exactarm.diagnose.fitted import Fitted
 from exactarm.diagnose.problem import Problem
 from exactarm.diagnose.problem_at_rest import ProblemAtRest
-from exactarm.diagnose.signal import Direction, axis_of, turn_of
+from exactarm.diagnose.signal import Direction, axis_of, movement_of
 from exactarm.diagnose.worth import CHANCE_AGAINST
-from exactarm.effects.axis_units import slides
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.closure_fit import ClosureFit, Pulls, fit_closures
 from exactarm.identify.closure_scale import gravity_alone
@@ -225,7 +224,7 @@ class ClosureProblem(ProblemAtRest):
 
     def directions(self, fitted: Fitted) -> dict[Direction, np.ndarray]:
         prediction = fitted.prediction
-        turn = {turn_of(i + 1, slides(self.robot, i + 1)): turn_of_axis(prediction, i)
+        turn = {movement_of(self.robot, i + 1): turn_of_axis(prediction, i)
                 for i in range(self.robot.axes)}
         axes = np.eye(fitted.residual.shape[1])
         pushed = {axis_of("base", name): prediction.used * axes[k] for k, name in enumerate("xyz")}

@@ -33,7 +33,7 @@ from exactarm.noise.estimate import FREEDOMS
 
 AGAINST = float(np.log(UNLIKELY))  # nats: see above
 FORM = 0.25  # of its size, by which a right effect may differ elsewhere: gears are not the same all around
-_MOST = 500.0  # nats: beyond, numbers overflow
+MOST_NATS = 500.0  # nats: beyond, numbers overflow
 _PASSES = 60
 
 
@@ -63,7 +63,7 @@ def with_held_out(probability: float, nothing: float, gain: float) -> float:
     """Posterior probability of an effect by all rows, from that by the fitted rows: the density of held-out
     rows multiplies its odds against no cause at all, which is the share `nothing` of what is against it. Its
     rivals, which explain the same, are taken to gain what it gains."""
-    against = (1.0 - probability) * (1.0 - nothing + nothing * np.exp(-max(gain, -_MOST)))
+    against = (1.0 - probability) * (1.0 - nothing + nothing * np.exp(-max(gain, -MOST_NATS)))
     return float(probability / (probability + against))
 
 

@@ -18,8 +18,7 @@ from exactarm.diagnose.next_poses import next_poses, sentence_of
 from exactarm.diagnose.pose_fitted import PoseFitted
 from exactarm.diagnose.problem_at_rest import ProblemAtRest
 from exactarm.diagnose.quantisation import rounding_of_angles
-from exactarm.diagnose.signal import Direction, Quantity, Signal, axis_of, tilt_of, turn_of
-from exactarm.effects.axis_units import slides
+from exactarm.diagnose.signal import Direction, Quantity, Signal, axis_of, movement_of, tilt_of
 from exactarm.effects.base import Station
 from exactarm.effects.moving_frames import MovingFrames, turned_about
 from exactarm.errors import ComputationError
@@ -155,7 +154,7 @@ class PoseProblem(ProblemAtRest):
     def directions(self, fitted: Fitted) -> dict[Direction, np.ndarray]:
         view, m = fitted.view, fitted.residual.shape[1]
         unit = np.ones((view.rows, 1, 1))
-        turn = {turn_of(i + 1, slides(self.robot, i + 1)): view.transfers[Station.GEAR]((i,), unit)[:, :m, 0]
+        turn = {movement_of(self.robot, i + 1): view.transfers[Station.GEAR]((i,), unit)[:, :m, 0]
                 for i in range(view.axes)}
         axes = np.eye(m)[:3]
         return turn | {axis_of("device", name): np.tile(axes[k], (view.rows, 1))

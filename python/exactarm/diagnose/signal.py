@@ -80,6 +80,11 @@ def turn_of(joint: int, sliding: bool = False) -> Direction:
                      slides=sliding)
 
 
+def movement_of(robot: Robot, joint: int) -> Direction:
+    """Of an axis (from 1): its turn, or its travel where it slides."""
+    return turn_of(joint, slides(robot, joint))
+
+
 def tilt_of(joint: int) -> Direction:
     """Of all that stands behind a joint (from 1), across its axis."""
     return Direction(f"a tilt behind axis {joint}", joint)

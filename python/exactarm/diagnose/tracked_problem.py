@@ -19,9 +19,8 @@ from exactarm.diagnose.fitted import Fitted, rows_kept
 from exactarm.diagnose.next_motions import separating_motion
 from exactarm.diagnose.not_noise import WANDERS_AT
 from exactarm.diagnose.problem_in_time import LEAST_SIGMA, ProblemInTime
-from exactarm.diagnose.signal import Direction, Quantity, Signal, Structure, axis_of, turn_of
+from exactarm.diagnose.signal import Direction, Quantity, Signal, Structure, axis_of, movement_of
 from exactarm.diagnose.smoothness import second_order
-from exactarm.effects.axis_units import slides
 from exactarm.effects.base import Effect, Station
 from exactarm.identify.calibrate import calibrated_robot, identifiable_layout, require_sessions
 from exactarm.identify.declared import geometry_layout, reestimated_layout
@@ -205,7 +204,7 @@ class TrackedProblem(ProblemInTime):
     def directions(self, fitted: Fitted) -> dict[Direction, np.ndarray]:
         view = fitted.view
         columns = view.target_by("q")[:, :3]
-        turn = {turn_of(i + 1, slides(self.robot, i + 1)): columns[:, :, i] for i in range(view.axes)}
+        turn = {movement_of(self.robot, i + 1): columns[:, :, i] for i in range(view.axes)}
         return turn | {axis_of("device", name): np.tile(np.eye(3)[k], (view.rows, 1))
                        for k, name in enumerate("xyz")}
 

@@ -13,7 +13,7 @@ from exactarm.errors import ComputationError, InputError
 from exactarm.identify.calibrate import Calibration
 from exactarm.identify.closure_scale import gravity_alone
 from exactarm.identify.judged_rows import judged_rows
-from exactarm.identify.wild_rows import MOST_SINGLE, wild_rows
+from exactarm.identify.wild_rows import single_wild
 from exactarm.numerics.signals import step_of_quantisation
 from exactarm.robot.robot import Robot
 
@@ -58,8 +58,7 @@ def _left_m(result: Calibration) -> float:
     if result.data.contacts and (judged := judged_rows(result.data)).any():
         error = error[judged]
     error = error[np.isfinite(error)]
-    wild = wild_rows(error)
-    return float(np.sqrt(np.mean(error[~wild if wild.mean() <= MOST_SINGLE else ...] ** 2)))
+    return float(np.sqrt(np.mean(error[~single_wild(error)] ** 2)))
 
 
 def _mm(length_m: float) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 # three directions none of 1e30; effects that a model lacks stay below, for they are everywhere
 WILD = 8.0
 _MOST_TOGETHER = 3  # samples: a beam that was broken and is back; a swing of the arm has some ten
-MOST_SINGLE = 0.02  # of the rows
+_MOST_SINGLE = 0.02  # of the rows
 _NAMED = 3  # rows in a line
 _SEEN_M = 1e-6  # below, it is the arithmetic of exact data
 
@@ -30,7 +30,7 @@ def single_wild_rows(error: np.ndarray, runs: Sequence[np.ndarray]) -> np.ndarra
         edges = np.flatnonzero(np.diff(np.concatenate([[False], wild[rows], [False]])))
         for first, end in zip(edges[::2], edges[1::2]):
             single[rows[first:end]] = end - first <= _MOST_TOGETHER
-    return single if single.mean() <= MOST_SINGLE else np.zeros(error.size, bool)
+    return _few(single)
 
 
 def wild_rows_line(error: np.ndarray, wild: np.ndarray) -> str:
@@ -42,8 +42,11 @@ def wild_rows_line(error: np.ndarray, wild: np.ndarray) -> str:
 
 def single_wild(error: np.ndarray) -> np.ndarray:
     """(N,) bool of finite errors (N,): wild rows, where they are few of all."""
-    wild = wild_rows(error) & (error > _SEEN_M)
-    return wild if wild.mean() <= MOST_SINGLE else np.zeros(error.size, bool)
+    return _few(wild_rows(error) & (error > _SEEN_M))
+
+
+def _few(wild: np.ndarray) -> np.ndarray:
+    return wild if wild.mean() <= _MOST_SINGLE else np.zeros(wild.size, bool)
 
 
 def wild_elsewhere_line(error: np.ndarray, place_of: Callable[[int], str],
